@@ -20,6 +20,7 @@ from knitlab.export.knitting.patches import pattern_name as pattern_name
 from knitlab.export.knitting.round_trip import RoundTrip, round_trip
 from knitlab.export.knitting.specification import Specification
 from knitlab.export.knitting.stitch_chart import stitch_chart
+from knitlab.export.knitting.symbols import Key
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid, raise_if_any
@@ -240,24 +241,32 @@ def _values(machine: Overrides | None) -> Mapping[str, Any] | None:
 
 
 def read_chart(
-    path: str | Path, *, first: Edge = "bottom", carrier: int | None = None
+    path: str | Path,
+    *,
+    first: Edge = "bottom",
+    carrier: int | None = None,
+    knit: str | None = None,
+    purl: str | None = None,
 ) -> ReadChart:
     """Read any stitch chart as a pattern: its patches, their stripes, and what is neither.
 
     Args:
-        path: rows of text, with ``k``, ``K``, ``1`` or ``.`` for a knit and ``p``, ``P``, ``0`` or
-            ``-`` for a purl, as seen from the front; a ``.csv`` of :meth:`.KnitSample.save`; an
-            image with one pixel a stitch in two colours, of which the darker is purl; or knitout
-            (``.k``).
+        path: rows of text as seen from the front, with ``k`` or ``1`` for a knit, ``p``, ``0`` or
+            ``-`` for a purl, and a dot for the other one, or with any two symbols that ``knit`` and
+            ``purl`` name; a ``.csv`` of :meth:`.KnitSample.save`; an image with one pixel a stitch
+            in two colours, of which the darker is purl; or knitout (``.k``).
         first: edge of a text or an image that is knitted first, ``"bottom"`` or ``"top"``.
         carrier: of knitout, the carrier whose stitches are read; by default that with most.
+        knit: symbol of a knit in a text, such as ``"|"``, or its colour in an image, such as
+            ``"#ffffff"``. A blank, ``" "``, is also an empty cell of a table.
+        purl: symbol or colour of a purl.
 
     Returns:
         Its ``pattern()`` for designs and workflows, ``n_stripe`` and ``n_subunit``, its ``chart``,
         and ``messages``, with the courses and wales that no pattern represents.
 
     Raises:
-        InputError: if the file is no chart.
+        InputError: if the file is no chart, is too large, or can be read in several ways.
 
     Example:
         >>> sample = kl.knit("results/reference/periodic", n_stripe=4, n_subunit=16)
@@ -266,7 +275,7 @@ def read_chart(
         (('GR', 'RG'), 4, 16, ())
     """
     path = Path(path)
-    stitches, remark = read_stitches(path, first, carrier)
+    stitches, remark = read_stitches(path, first, carrier, Key(knit, purl))
     return read_patches(stitches, f"{path.name} ({remark})" if remark else path.name)
 
 

@@ -128,19 +128,27 @@ def knit(
     default="bottom",
 )
 @option("--carrier", "Of knitout, the carrier to read; by default that with most stitches.", COUNT)
+@option("--knit SYMBOL", "Of a text or an image, the symbol or colour of a knit, such as ' '.")
+@option("--purl SYMBOL", "Of a text or an image, the symbol or colour of a purl.")
 @options.output("File for the pattern, .toml, for [design] pattern_files.")
 def read(
-    chart: Path, first: Literal["bottom", "top"], carrier: int | None, output: Path | None
+    chart: Path,
+    first: Literal["bottom", "top"],
+    carrier: int | None,
+    knit: str | None,
+    purl: str | None,
+    output: Path | None,
 ) -> None:
     """Find the patches and stripes of any stitch CHART.
 
-    CHART is rows of text (k . 1 knit, p - 0 purl, seen from the front), a table of knitlab knit, an
-    image with one pixel a stitch in two colours, the darker purl, or knitout (.k).
+    CHART is rows of text (k 1 knit, p 0 - purl, seen from the front), a table of knitlab knit, an
+    image with one pixel a stitch in two colours, the darker purl, or knitout (.k). A chart that can
+    be read in several ways is refused; --knit and --purl say which is right.
     Exit code 1 if it has stitches that the model cannot represent; they are named.
     """
     from knitlab.api.knitting import pattern_name
 
-    chart_read = kl.read_chart(chart, first=first, carrier=carrier)
+    chart_read = kl.read_chart(chart, first=first, carrier=carrier, knit=knit, purl=purl)
     for name, value in chart_read.summary(kl.defaults().gauge):
         click.echo(f"{name:13} {value}")
     if output is not None:

@@ -180,8 +180,8 @@ def _with_option(message: str, command: click.Command) -> str:
     """
     opts = {each.name: each.opts[-1] for each in command.params if isinstance(each, click.Option)}
     message = re.sub(
-        r"\bgive (\w+) = ",
-        lambda match: f"give {opts[match[1]]} " if match[1] in opts else match[0],
+        r"\b(give|and|or) (\w+) = ",
+        lambda match: f"{match[1]} {opts[match[2]]} " if match[2] in opts else match[0],
         message,
     )
     argument, space, rest = message.partition(" ")

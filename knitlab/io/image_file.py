@@ -5,20 +5,26 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from knitlab.io.errors import invalid
-from knitlab.io.text_file import plain_file
+from knitlab.io.errors import InputError, invalid
+from knitlab.io.text_file import check_grid, plain_file
 
 FORMATS = ("BMP", "GIF", "JPEG", "PNG", "PPM", "TIFF", "WEBP")
 """Formats that are read; a damaged file of others, such as ICNS, may be read without end."""
 
 
 def read_image(path: Path) -> UInt8[np.ndarray, "y x 4"]:
-    """Red, green, blue and opacity of the pixels of an image; InputError if it cannot be used."""
+    """Red, green, blue and opacity of the pixels of an image; InputError if it cannot be used.
+
+    Its size is read before its pixels.
+    """
     from PIL import Image  # slow to import, and only used here
 
     try:
         with Image.open(plain_file(path), formats=FORMATS) as image:
+            check_grid(path, image.height, image.width, "pixels")
             return np.asarray(image.convert("RGBA"))
+    except InputError:
+        raise
     # A damaged image raises many types.
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         message = f"cannot be read as an image ({error}); check the path, or save it as PNG"

@@ -2,10 +2,12 @@
 
 import codecs
 import errno
+import math
 import stat
 from pathlib import Path
 
 from knitlab.io.errors import invalid
+from knitlab.io.limits import MAX_SIDE, MAX_STITCHES
 
 UTF_32 = (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -23,10 +25,15 @@ SPACES = dict.fromkeys(map(ord, "\u00a0\u2007\u2009\u202f\ufeff"), " ")
 """Spaces that programs write in place of a plain one."""
 
 
-def read_text(path: Path) -> str:
-    """The text of a file in UTF-8, UTF-16, UTF-32 or Windows-1252, with plain spaces and LF."""
+def read_text(path: Path, max_bytes: float = math.inf) -> str:
+    """The text of a file in UTF-8, UTF-16, UTF-32 or Windows-1252, with plain spaces and LF.
+
+    InputError if it cannot be read, is not text, or has more than ``max_bytes``.
+    """
     try:
-        content = plain_file(path).read_bytes()
+        if (size := plain_file(path).stat().st_size) > max_bytes:
+            raise invalid(str(path), f"has {size:,} bytes; give at most {max_bytes:,}")
+        content = path.read_bytes()
     except OSError as error:
         raise invalid(str(path), f"cannot be read ({error.strerror}); check the path") from error
     for begin, message in BINARY.items():
@@ -40,6 +47,13 @@ def read_text(path: Path) -> str:
     if "\0" in text:
         raise invalid(str(path), "has zero bytes, so it is not text; export it as text in UTF-8")
     return text.translate(SPACES).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def check_grid(path: Path, rows: int, columns: int, what: str = "stitches") -> None:
+    """InputError if a file has too many rows and columns of stitches, pixels or patches."""
+    if max(rows, columns) > MAX_SIDE or rows * columns > MAX_STITCHES:
+        message = f"has {rows:,} rows of {columns:,} {what}; give at most {MAX_STITCHES:,} in all"
+        raise invalid(str(path), f"{message} and {MAX_SIDE:,} along each side")
 
 
 def plain_file(path: Path) -> Path:

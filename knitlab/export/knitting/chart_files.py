@@ -1,161 +1,132 @@
 """Stitches read from a file: rows of text, a table, an image of one pixel a stitch, or knitout."""
 
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable
+import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool
 
-from knitlab.export.knitting.program import Needle, Operation, operations
+from knitlab.export.knitting.program_chart import Stitches, stitches_of_program
+from knitlab.export.knitting.symbols import BETWEEN, UNKNOWN, Key, key_of_chart
 from knitlab.io.errors import invalid
 from knitlab.io.image_file import read_image
-from knitlab.io.text_file import read_text
+from knitlab.io.limits import MAX_TEXT
+from knitlab.io.text_file import check_grid, read_text
 
-KNITS, PURLS = "kK.1", "pP-0"  # symbols of a chart that is seen from the front
-SEPARATORS = " \t,;|"
+CELL_ENDS = ",;\t"
+ALIKE = str.maketrans("KP", "kp")
 IMAGES = (".png", ".bmp", ".gif", ".tif", ".tiff", ".jpg", ".jpeg")
 PROGRAMS = (".k", ".knitout")
-FIRST_COURSE, AFTER_BODY = ";course 1", (";bind-off", ";waste", ";drop")  # as knitlab writes them
+LIGHTNESS = np.array([[1, 1, 1], [2, 7, 1]])  # weights of red, green and blue: alike, and as seen
 
 Edge = Literal["bottom", "top"]  # of a file, that is knitted first
-Stitches = Bool[np.ndarray, "course wale"]  # whether knit, seen from the front, first course first
 
 
 def read_stitches(
-    path: Path, first: Edge = "bottom", carrier: int | None = None
+    path: Path, first: Edge = "bottom", carrier: int | None = None, given: Key = UNKNOWN
 ) -> tuple[Stitches, str]:
-    """The stitches of a file, whose ``first`` edge is knitted first, and a remark on them."""
+    """The stitches of a file, whose ``first`` edge is knitted first, and a remark on them.
+
+    ``given`` is what the user says of the symbols of a chart.
+    """
+    if given.knit is not None and given.knit == given.purl:
+        raise invalid("knit", f"is {given.knit!r}, and so is purl; give two symbols")
     suffix = path.suffix.lower()
     if suffix in PROGRAMS:
-        return _stitches_of_program(path, carrier)
-    rows = READERS.get(suffix, _rows_of_text)(path)
-    return (rows[::-1] if first == "bottom" else rows), ""
+        if given.symbols:
+            raise invalid(str(path), f"is a program, which has no symbols; leave out {given}")
+        return stitches_of_program(path, carrier)
+    rows, key = READERS.get(suffix, _rows_of_text)(path, given)
+    return (rows[::-1] if first == "bottom" else rows), str(key)
 
 
-def _rows_of_text(path: Path) -> Stitches:
-    rows: list[list[bool]] = []
+def _rows_of_text(path: Path, given: Key) -> tuple[Stitches, Key]:
+    given = Key(*(each and each.translate(ALIKE) for each in (given.knit, given.purl)))
+    for symbol in given.symbols:
+        if len(symbol) != 1:
+            raise invalid(str(path), f"has one character a stitch; give one in place of {symbol!r}")
+    lines = read_text(path, MAX_TEXT).translate(ALIKE).splitlines()
+    check_grid(path, len(lines), 0)
+    check_grid(path, 1, max(map(len, lines), default=0), "characters")
+    rows = _symbols(lines, given)
+    drawn = list(dict.fromkeys("".join(rows.values())))
+    between = [each for each in drawn if each in BETWEEN and each not in given.symbols]
+    if between:
+        left_out = dict.fromkeys(map(ord, between))
+        kept = ((line, row.translate(left_out)) for line, row in rows.items())
+        rows = {line: row for line, row in kept if row}
+    if not rows:
+        raise invalid(str(path), "has no stitches; write a row of k and p for each course")
+    drawn = [each for each in drawn if each not in between]
+    if len(given.symbols) == 1 and given.symbols[0] not in drawn and all(rows.values()):
+        listed = ", ".join(map(repr, (*drawn, *between)))
+        message = f"has no {given.symbols[0]!r}; its symbols are {listed}, name these"
+        raise invalid(str(path), message)
+    known = list(dict.fromkeys([*given.symbols, *drawn]))[:2]
+    width = len(next(iter(rows.values())))
+    for line, row in rows.items():
+        if other := row.strip("".join(known)):
+            message = f"stitch {row.index(other[0]) + 1} is {other[0]!r}, beside"
+            message += f" {' and '.join(map(repr, known))}; only knits and purls are read,"
+            raise invalid(f"{path}: line {line}", f"{message} so write one symbol for each")
+        if len(row) != width:
+            message = f"has {len(row)} stitches, but the first row has {width}"
+            hint = "make all rows equally long" + ", with blanks at their ends" * (" " in known)
+            raise invalid(f"{path}: line {line}", f"{message}; {hint}")
+    check_grid(path, len(rows), width)
+    key = key_of_chart(str(path), drawn, between, given)
+    return np.array([[each == key.knit for each in row] for row in rows.values()]), key
+
+
+def _symbols(lines: Sequence[str], given: Key) -> dict[int, str]:
+    """The symbols of each row by its line from 1, those that may separate stitches included."""
+    ends = re.compile(f"[{re.escape(''.join(set(CELL_ENDS) - set(given.symbols)))}]")
+    plain = [line for line in lines if not line.startswith("#")]
+    lengths = set(map(len, plain))
+    symbols = {"#"}.union(*plain)
+    empty = "" if " " in given.symbols else " "
+    rows = dict[int, str]()
     is_table = False
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
-        where = f"{path}: line {number}"
+    for number, line in enumerate(lines, start=1):
+        is_row = "#" in given.symbols or (len(line) in lengths and symbols.issuperset(line))
         if line.startswith("course,"):
             is_table = True  # of knitlab: after the course, kA for a plated stitch
-            continue
-        if not line.strip() or line.startswith("#"):
-            continue
-        letters = (word.strip()[:1] for word in line.split(",")[1:]) if is_table else line
-        symbols = "".join(letter for letter in letters if letter not in SEPARATORS)
-        for stitch, symbol in enumerate(symbols, start=1):
-            if symbol not in KNITS + PURLS:
-                message = f"stitch {stitch} is {symbol!r}; write {' '.join(KNITS)} for a knit"
-                raise invalid(where, f"{message} and {' '.join(PURLS)} for a purl, nothing else")
-        if rows and len(symbols) != len(rows[0]):
-            message = f"has {len(symbols)} stitches, but the first row has {len(rows[0])}"
-            raise invalid(where, f"{message}; make all rows equally long")
-        rows.append([symbol in KNITS for symbol in symbols])
-    if not rows or not rows[0]:
-        raise invalid(str(path), "has no stitches; write a row of k and p for each course")
-    return np.array(rows)
+        elif is_row or not line.startswith("#"):
+            cells = [line]
+            if ends.search(line):
+                cells = [cell.strip(' "') or " " for cell in ends.split(line)]
+            row = "".join([cell[0] for cell in cells[1:]] if is_table else cells)
+            rows[number] = row or empty
+    return rows
 
 
-def _rows_of_image(path: Path) -> Stitches:
+def _rows_of_image(path: Path, given: Key) -> tuple[Stitches, Key]:
     pixels = read_image(path).astype(int)
     if pixels[..., 3].min() < 255:
         raise invalid(str(path), "has transparent pixels; save it opaque")
-    pixels = pixels[..., :3]
-    colours = np.unique(pixels @ (1 << 16, 1 << 8, 1))
+    numbers = pixels[..., :3] @ (1 << 16, 1 << 8, 1)
+    colours, firsts = np.unique(numbers, return_index=True)
     if len(colours) > 2:
         message = f"has {len(colours)} colours; save it in two colours with one pixel per stitch"
         raise invalid(str(path), message)
-    lightness = pixels.sum(axis=-1)
-    return lightness == lightness.max()
+    names = [f"#{colour:06x}" for colour in colours.tolist()]
+    given = Key(*(each and each.lower() for each in (given.knit, given.purl)))
+    if unknown := {*given.symbols} - {*names}:
+        message = f"has no colour {min(unknown)!r}; its colours are {' and '.join(names)}"
+        raise invalid(str(path), f"{message}, name these")
+    lightness = pixels.reshape(-1, 4)[firsts, :3] @ LIGHTNESS.T
+    if len(names) == 2 and not given.symbols:
+        lighter = set(np.sign(lightness[0] - lightness[1]).tolist())
+        if lighter == {1}:
+            given = Key(names[0], names[1])
+        elif lighter == {-1}:
+            given = Key(names[1], names[0])
+    key = key_of_chart(str(path), names, [], given)
+    return numbers == (-1 if key.knit is None else int(key.knit[1:], 16)), key
 
 
-READERS: dict[str, Callable[[Path], Stitches]] = dict.fromkeys(IMAGES, _rows_of_image)
+READERS: dict[str, Callable[[Path, Key], tuple[Stitches, Key]]] = dict.fromkeys(
+    IMAGES, _rows_of_image
+)
 """What reads the rows of a file, the top first, by its suffix; other files are text."""
-
-
-def _stitches_of_program(path: Path, carrier: int | None) -> tuple[Stitches, str]:
-    text = read_text(path)
-    lines = text.split("\n")
-    # A program of knitlab says where its chart begins and ends.
-    marked = FIRST_COURSE in lines
-    start = lines.index(FIRST_COURSE) if marked else 0
-    ends = (k for k in range(start, len(lines)) if marked and lines[k] in AFTER_BODY)
-    last = next(ends, len(lines))
-    stitches, double, joined = _knitted(operations(text), range(start + 1, last + 1))
-    counts = Counter(each for _, carriers in stitches for each in carriers)
-    if not counts and double:
-        message = f"knits on both beds of a wale until line {double}: a tube or double cloth"
-        raise invalid(str(path), f"{message}; only single cloth has a chart")
-    if not counts:
-        raise invalid(str(path), "knits no stitch through another one; give a program that knits")
-    body = str(carrier) if carrier else counts.most_common(1)[0][0]
-    if body not in counts:
-        listed = ", ".join(sorted(counts))
-        raise invalid(str(path), f"knits nothing with carrier {body}; name one of {listed}")
-    remarks = []
-    if double:
-        remarks.append(f"from line {double + 1}; before it both beds knit")
-    if len(counts) > 1 and not marked:
-        remarks.append(f"of carrier {body} alone")
-    if joined:
-        remarks.append(f"up to line {joined}, which joins loops")
-    chains: dict[int, list[bool]] = defaultdict(list)
-    for needle, carriers in stitches:
-        if body in carriers:
-            chains[needle.number].append(needle.front)
-    courses = Counter(map(len, chains.values())).most_common(1)[0][0]
-    for number, chain in sorted(chains.items()):
-        if double:
-            # Of the course in which both beds knit last, some stitches may count.
-            del chain[:-courses]
-        if joined:
-            # A bind-off has knitted the first stitch of its course, or none.
-            del chain[courses:]
-        if len(chain) != courses:
-            message = f"has {len(chain)} stitches of carrier {body} on needle {number}, and"
-            raise invalid(str(path), f"{message} {courses} on others; only a rectangle has a chart")
-    first = min(chains)
-    end = max(chains)
-    if len(chains) != end - first + 1:
-        missing = next(n for n in range(first, end) if n not in chains)
-        raise invalid(str(path), f"knits nothing on needle {missing} between others; close the gap")
-    return np.array([chains[number] for number in range(first, end + 1)]).T, ", ".join(remarks)
-
-
-def _knitted(
-    program: Iterable[Operation], counted: range
-) -> tuple[list[tuple[Needle, tuple[str, ...]]], int, int]:
-    """The stitches of counted lines until loops are joined, with their carriers, and two lines.
-
-    The last line at which both beds knit, and that at which a bind-off joins loops; 0 for none.
-    """
-    loops: Counter[Needle] = Counter()
-    stitches: list[tuple[Needle, tuple[str, ...]]] = []
-    double = joined = 0
-    for operation in program:
-        opcode = operation.opcode
-        needles = operation.needles
-        counts = operation.line in counted and not joined
-        if opcode in ("knit", "tuck") and needles and operation.carriers:
-            (needle,) = needles
-            if opcode == "knit":
-                if loops[Needle(not needle.front, needle.number)]:
-                    # Waste is often knitted on both beds; a chart can only begin after that.
-                    stitches.clear()
-                    double = operation.line
-                elif loops[needle] and counts:
-                    stitches.append((needle, operation.carriers))
-                loops[needle] = 0
-            loops[needle] += 1
-        elif opcode in ("xfer", "split") and len(needles) == 2:
-            source, target = needles
-            if loops[source] and loops[target] and counts:
-                joined = operation.line
-            loops[target] += loops[source]
-            loops[source] = int(opcode == "split")
-        elif opcode in ("drop", "knit") and needles:
-            loops[needles[0]] = 0
-    return stitches, double, joined

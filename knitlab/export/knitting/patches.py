@@ -9,13 +9,13 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import groupby, product
+from functools import cache, cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Int
 
 from knitlab.export.knitting.chart import StitchChart
 from knitlab.io.errors import invalid
@@ -32,6 +32,7 @@ ODD_STITCHES = (0, 1, 2)  # in which courses or wales may differ and still count
 SLENDER = (2, 1)  # lengths of a stripe over its width, at least, that are tried
 MAX_SHIFTS = 8  # along each axis, if a chart does not begin with a patch
 MAX_BANDS = 48  # along each axis, of a chart that has a pattern
+MAX_KINDS = 500  # of lines, up to which almost equal ones are alike
 MAX_PATCHES = 12  # that are described one by one
 STARTS: tuple[GarterStart, GarterStart] = "valley", "mountain"
 Axis = Literal["course", "wale"]
@@ -55,12 +56,19 @@ class Band(NamedTuple):
         """Courses or wales that are as long as a stitch is wide."""
         return 1 if self.axis == "wale" else GARTER_STITCHES_PER_RIB_STITCH
 
+    def stitches(self, back_first: bool) -> Bool[np.ndarray, " line"]:
+        """Whether each of its lines is knit in a patch of its stripes; plain knit has none."""
+        if self.stripe is None:
+            return np.ones(self.size, bool)
+        return (np.arange(self.size) // self.stripe % 2 == 0) != back_first
+
 
 @dataclass(frozen=True, eq=False)
 class ReadChart:
     """A stitch chart as a pattern."""
 
-    chart: StitchChart  # the stitches, with their patches
+    title: str
+    front: Bool[np.ndarray, "course wale"]  # its stitches, from the course and wale it begins at
     rows: tuple[Band, ...]  # of patches in courses, the lowest first
     columns: tuple[Band, ...]  # of patches in wales
     letters: np.ndarray  # knit of every patch: R, G or P, the lowest row first
@@ -73,10 +81,26 @@ class ReadChart:
     def __repr__(self) -> str:
         return f"<ReadChart {self.chart.size}, {len(self.messages)} messages>"
 
+    @cached_property
+    def chart(self) -> StitchChart:
+        """The stitches with their patches."""
+        rows, columns = self.repeat
+        return StitchChart(
+            title=self.title,
+            front=self.front,
+            plated=np.zeros(self.front.shape, int),
+            plated_face=("front", "front"),
+            knit=np.vectorize(KNIT_OF_LETTER.__getitem__)(self.letters),
+            row_borders=np.array([0, *(band.stop for band in self.rows)]),
+            column_borders=np.array([0, *(band.stop for band in self.columns)]),
+            repeat=(rows[-1].stop, columns[-1].stop),
+            periodic=True,
+        )
+
     @property
     def n_stripe(self) -> int:
         """The most frequent size of its ribs [wales], or half of its garter stripes [courses]."""
-        return self._most_frequent("stripe", min(self._known))
+        return self._most_frequent("stripe", min(_measured()))
 
     @property
     def n_subunit(self) -> int:
@@ -88,15 +112,11 @@ class ReadChart:
         counts = Counter(size // per for size, per in sizes if size and size % per == 0)
         return max(counts, key=lambda size: (counts[size], -size), default=default)
 
-    @cached_property
-    def _known(self) -> list[int]:
-        return defaults().stripes.sizes("rib")
-
     def _n(self, band: Band) -> int | None:
         """n_stripe of a band; without stripes, one that fits its size, None if none does."""
         if band.stripe is not None:
             return None if band.stripe % band.per_stitch else band.stripe // band.per_stitch
-        known = (self.n_stripe, *self._known[::-1])
+        known = (self.n_stripe, *_measured()[::-1])
         return next((n for n in known if band.size % (2 * band.per_stitch * n) == 0), None)
 
     @cached_property
@@ -109,19 +129,34 @@ class ReadChart:
         """Deprecated: ``messages``."""
         return self.messages
 
+    @property
+    def has_no_pattern(self) -> bool:
+        """Whether it is a single patch of plain knit, as a chart of too many bands is read."""
+        return self.letters.size == 1 and self.rows[0].stripe is self.columns[0].stripe is None
+
+    def is_better(self, other: "ReadChart") -> bool:
+        """Whether fewer stitches are odd, or as many and fewer sizes do not fit."""
+        odd = int(self.odd.sum()), int(other.odd.sum())
+        if odd[0] != odd[1]:
+            return odd[0] < odd[1]
+        counts = len(self.messages), len(other.messages)
+        if counts[0] != counts[1]:
+            return counts[0] < counts[1]
+        return self.letters.size < other.letters.size
+
     def _sizes_that_do_not_fit(self) -> Iterator[str]:
         stripes = {"course": "garter stripes", "wale": "ribs"}
         for band in (*self.rows, *self.columns):
             where = _span(band.axis, range(band.start, band.stop))
             n = self._n(band)
             if n is None and band.stripe is None:
-                fitting = ", ".join(str(2 * band.per_stitch * n) for n in self._known)
+                fitting = ", ".join(str(2 * band.per_stitch * n) for n in _measured())
                 message = f"{where}: a patch of this size, {band.size}, does not hold an even"
                 yield f"{message} number of stripes; use a multiple of one of {fitting}"
             elif n is None:
                 yield f"{where}: garter stripes are {band.stripe} courses high; use an even number"
-            elif n not in self._known:
-                known = ", ".join(map(str, self._known))
+            elif n not in _measured():
+                known = ", ".join(map(str, _measured()))
                 message = f"{where}: {stripes[band.axis]} have n_stripe {n}; measured: {known}"
                 yield f"{message}; give a material that has it"
 
@@ -135,7 +170,7 @@ class ReadChart:
             courses, wales = (np.flatnonzero(odd.any(axis)) for axis in (1, 0))
             knit = KNIT_OF_LETTER[str(self.letters[row, column])]
             where = f"{_span('course', low + courses)}, {_span('wale', left + wales)}"
-            front = self.chart.front[low + courses[0], left + wales[0]]
+            front = self.front[low + courses[0], left + wales[0]]
             single = f"a {'knit' if front else 'purl'} is"
             what = single if odd.sum() == 1 else f"{odd.sum()} stitches are"
             yield f"{where}: {what} neither rib nor garter, nor plain; taken as {knit}"
@@ -154,7 +189,7 @@ class ReadChart:
                 lists[f"{name}_{unit}"] = sizes
             if set(stripes) != {self.n_stripe}:
                 lists[f"{name}_n_stripe"] = stripes
-        return Pattern(source=f"read from {self.chart.title}", rows=letters, **lists)
+        return Pattern(source=f"read from {self.title}", rows=letters, **lists)
 
     @property
     def repeat(self) -> tuple[tuple[Band, ...], tuple[Band, ...]]:
@@ -197,6 +232,11 @@ class ReadChart:
         yield "size flat", f"{width:.0f} × {length:.0f} mm (width × length)"
 
 
+@cache
+def _measured() -> list[int]:
+    return defaults().stripes.sizes("rib")
+
+
 def pattern_name(path: Path) -> str:
     """Name of the pattern in a file."""
     name = re.sub(r"\W+", "_", path.stem)
@@ -220,81 +260,136 @@ def read_patches(front: Bool[np.ndarray, "course wale"], title: str) -> ReadChar
     """The patches of a chart, course 0 first; if its edges do not fit, of one moved over them."""
     changes = (np.flatnonzero((of[1:] != of[:-1]).any(axis=1)) + 1 for of in (front, front.T))
     moved = product(*([0, *numbers[:MAX_SHIFTS].tolist()] for numbers in changes))
-    tried = list[ReadChart]()
+    reader = _Reader(front, title)
+    best = reader.read(STARTS[0], (0, 0), ODD_STITCHES[0], SLENDER[0])
     for shifts, tolerances in (([(0, 0)], ODD_STITCHES), ([*moved], ODD_STITCHES[:1])):
         for tolerance, slender in product(tolerances, SLENDER):
-            tried += [
-                _read(front, title, start, shift, tolerance, slender)
-                for start, shift in product(STARTS, shifts)
-            ]
-            best = min(tried, key=lambda r: (r.odd.sum(), len(r.messages), r.letters.size))
+            for start, shift in product(STARTS, shifts):
+                read = reader.read(start, shift, tolerance, slender)
+                if read.is_better(best):
+                    best = read
             if not best.messages:
                 return best
+        if best.has_no_pattern:
+            return best
     return best
 
 
-def _read(
-    front: Bool[np.ndarray, "course wale"],
-    title: str,
-    garter_start: GarterStart,
-    shift: tuple[int, int],
-    tolerance: int,
-    slender: int,
-) -> ReadChart:
-    front = np.roll(front, (-shift[0], -shift[1]), (0, 1))
-    back_first = garter_start == "mountain"
-    rows = find_bands(front[::-1] if back_first else front, "course", tolerance, slender)
-    if back_first:
-        courses = len(front)
-        rows = [b._replace(start=courses - b.stop, stop=courses - b.start) for b in rows[::-1]]
-    columns = find_bands(front.T, "wale", tolerance, slender)
-    if len(rows) * len(columns) > MAX_BANDS**2:
-        # No pattern, and slow to describe patch by patch.
-        rows = [Band("course", 0, len(front), None)]
-        columns = [Band("wale", 0, front.shape[1], None)]
-    letters = np.full((len(rows), len(columns)), "P")
-    odd = np.zeros(front.shape, bool)
-    for (i, row), (j, column) in product(enumerate(rows), enumerate(columns)):
-        patch = np.s_[row.start : row.stop, column.start : column.stop]
-        wrong = {letter: front[patch] != knit for letter, knit in _knits(row, column, back_first)}
-        letters[i, j] = min(wrong, key=lambda letter: int(wrong[letter].sum()))
-        odd[patch] = wrong[letters[i, j]]
-    repeat = _repeating((*rows,), letters), _repeating((*columns,), letters.T)
-    knit = np.vectorize(KNIT_OF_LETTER.__getitem__)(letters)
-    borders = np.array([0, *(b.stop for b in rows)]), np.array([0, *(b.stop for b in columns)])
-    size = repeat[0][-1].stop, repeat[1][-1].stop
-    none = np.zeros(front.shape, int)
-    chart = StitchChart(title, front, none, ("front", "front"), knit, *borders, size, True)
-    begins_at = shift[0] + 1, shift[1] + 1
-    return ReadChart(chart, (*rows,), (*columns,), letters, garter_start, begins_at, odd)
+class LineKinds(NamedTuple):
+    """Which courses or wales of a chart are alike: their kinds, and a line of each kind."""
+
+    kinds: Int[np.ndarray, " line"]
+    examples: Bool[np.ndarray, "kind stitch"]
+
+    def moved(self, along: int, across: int) -> "LineKinds":
+        """The same of a chart that begins some lines later, each of them some stitches later."""
+        return LineKinds(np.roll(self.kinds, -along), np.roll(self.examples, -across, axis=1))
+
+    def stripe_length(self, first: int, second: int) -> float:
+        """Least length of a front stripe of one kind and a back one of another, if it has no other.
+
+        Infinite if the lines differ everywhere, 0 if nowhere.
+        """
+        differ = self.examples[first] != self.examples[second]
+        if not differ.any():
+            return 0
+        ends = np.flatnonzero(np.diff(differ, prepend=False, append=False))
+        return np.inf if differ.all() else float((ends[1::2] - ends[::2]).min())
 
 
-def _knits(row: Band, column: Band, back_first: bool) -> Iterator[tuple[str, np.ndarray]]:
-    shape = row.size, column.size
-    yield "P", np.ones(shape, bool)
-    if column.stripe is not None:
-        yield "R", np.broadcast_to(np.arange(column.size) // column.stripe % 2 == 0, shape)
-    if row.stripe is not None:
-        first = (np.arange(row.size) // row.stripe % 2 == 0) != back_first
-        yield "G", np.broadcast_to(first[:, None], shape)
+def line_kinds(lines: Bool[np.ndarray, "line stitch"], tolerance: int) -> LineKinds:
+    """Kinds of lines that differ in no more stitches than the tolerance from their first one."""
+    packed = np.packbits(lines, axis=1)
+    _, firsts, exact = np.unique(packed, axis=0, return_index=True, return_inverse=True)
+    if not tolerance or len(firsts) > MAX_KINDS:
+        return LineKinds(exact.ravel(), lines[firsts])
+    order = np.argsort(firsts)
+    kind_of = np.zeros(len(firsts), int)
+    chosen = list[int]()  # the first line of each kind
+    for number in order:
+        line = firsts[number]
+        alike = np.flatnonzero((lines[chosen] != lines[line]).sum(axis=1) <= tolerance)
+        kind_of[number] = alike[0] if len(alike) else len(chosen)
+        if not len(alike):
+            chosen.append(line)
+    kinds = kind_of[exact.ravel()]
+    usual = [lines[kinds == kind].mean(axis=0) >= 0.5 for kind in range(len(chosen))]
+    return LineKinds(kinds, np.array(usual))
 
 
-def find_bands(
-    lines: Bool[np.ndarray, "line stitch"], axis: Axis, tolerance: int, slender: int
-) -> list[Band]:
-    """Courses in rows of patches, or wales in columns, whose stripes begin on the front bed."""
-    kinds, examples = _kinds(lines, tolerance)
+class _Reader:
+    """Reads the patches of a chart, with what readings have in common."""
+
+    def __init__(self, front: Bool[np.ndarray, "course wale"], title: str) -> None:
+        self.front = front
+        self.title = title
+        self.kinds = dict[tuple[str, int], LineKinds]()
+
+    def _kinds(self, lines: str, tolerance: int) -> LineKinds:
+        if (lines, tolerance) not in self.kinds:
+            front = {"wales": self.front.T, "valley": self.front, "mountain": self.front[::-1]}
+            self.kinds[lines, tolerance] = line_kinds(front[lines], tolerance)
+        return self.kinds[lines, tolerance]
+
+    def read(
+        self, start: GarterStart, shift: tuple[int, int], tolerance: int, slender: int
+    ) -> ReadChart:
+        """The chart moved by courses and wales, with garter patches that start in one way."""
+        up, right = shift
+        front = np.roll(self.front, (-up, -right), (0, 1))
+        # Garter that starts with a back stripe begins with a front one at its other end.
+        back_first = start == "mountain"
+        courses = self._kinds(start, tolerance).moved(-up if back_first else up, right)
+        rows = find_bands(courses, "course", slender)
+        if back_first:
+            last = len(front)
+            rows = [b._replace(start=last - b.stop, stop=last - b.start) for b in rows[::-1]]
+        columns = find_bands(self._kinds("wales", tolerance).moved(right, up), "wale", slender)
+        if len(rows) * len(columns) > MAX_BANDS**2:
+            # No pattern, and slow to describe patch by patch.
+            rows = [Band("course", 0, len(front), None)]
+            columns = [Band("wale", 0, front.shape[1], None)]
+        garter = np.concatenate([band.stitches(back_first) for band in rows])[:, None]
+        rib = np.concatenate([band.stitches(False) for band in columns])
+        knits = {"P": np.array(True), "R": rib, "G": garter}
+        starts = [[band.start for band in of] for of in (rows, columns)]
+        counts = [
+            np.add.reduceat(np.add.reduceat(front != knit, starts[1], 1, int), starts[0], 0)
+            for knit in knits.values()
+        ]
+        best = np.argmin(counts, axis=0)
+        sizes = [[band.size for band in of] for of in (rows, columns)]
+        of_stitch = np.repeat(np.repeat(best, sizes[0], axis=0), sizes[1], axis=1)
+        odd = front != np.choose(of_stitch, [*knits.values()])
+        letters = np.array([*knits])[best]
+        begins_at = up + 1, right + 1
+        return ReadChart(self.title, front, (*rows,), (*columns,), letters, start, begins_at, odd)
+
+
+def find_bands(lines: LineKinds, axis: Axis, slender: int) -> list[Band]:
+    """Courses in rows of patches, or wales in columns, whose stripes begin on the front bed.
+
+    A stripe is longer than it is wide by a factor ``slender``.
+    """
+    borders = np.flatnonzero(np.diff(lines.kinds)) + 1
+    kinds = lines.kinds[[0, *borders]].tolist()
+    sizes = np.diff([0, *borders, len(lines.kinds)]).tolist()
     # Runs of lines that are alike, by their kind and number of lines.
-    runs = [(kind, len(list(of))) for kind, of in groupby(kinds)]
+    runs = [*zip(kinds, sizes, strict=True)]
+    of_runs = lines.examples[kinds]
+    has_others = [*(of_runs[1:] & ~of_runs[:-1]).any(axis=1).tolist(), True]
+    length = cache(lines.stripe_length)
+    # 2 courses are a wale high.
+    scale = GARTER_STITCHES_PER_RIB_STITCH ** (1 if axis == "course" else -1)
     bands = list[Band]()
     k = 0
     start = 0
     while k < len(runs):
         (kind, first) = runs[k]
-        (other, size) = (*runs, (-1, 0))[k + 1]
-        k += 1
-        if size > first or not _are_stripes(examples, kind, other, axis, slender * size):
+        (other, size) = (*runs[k + 1 : k + 2], (kind, 0))[0]
+        if size > first or has_others[k] or slender * size > scale * length(kind, other):
             size = 0
+        k += 1
         if first > size:
             bands.append(Band(axis, start, start + first - size, None))
         start += first
@@ -307,34 +402,3 @@ def find_bands(
             bands.append(Band(axis, start - size, stop, size))
             start = stop
     return bands
-
-
-def _kinds(
-    lines: Bool[np.ndarray, "line stitch"], tolerance: int
-) -> tuple[list[int], list[Bool[np.ndarray, " stitch"]]]:
-    if not tolerance:
-        _, firsts, exact = np.unique(lines, axis=0, return_index=True, return_inverse=True)
-        return exact.ravel().tolist(), list(lines[firsts])
-    examples = list[np.ndarray]()
-    kinds = []
-    for line in lines:
-        alike = (k for k, each in enumerate(examples) if (each != line).sum() <= tolerance)
-        kind = next(alike, len(examples))
-        if kind == len(examples):
-            examples.append(line)
-        kinds.append(kind)
-    usual = [np.mean(lines[np.array(kinds) == k], axis=0) >= 0.5 for k in range(len(examples))]
-    return kinds, usual
-
-
-def _are_stripes(
-    examples: list[Bool[np.ndarray, " stitch"]], first: int, second: int, axis: Axis, least: int
-) -> bool:
-    """Whether two kinds of lines are front and back stripes, as long as some lines are high."""
-    if second < 0 or (examples[second] & ~examples[first]).any():
-        return False
-    differ = examples[first] & ~examples[second]
-    lengths = [len(list(of)) for changes, of in groupby(differ.tolist()) if changes]
-    # 2 courses are a wale high.
-    scale = GARTER_STITCHES_PER_RIB_STITCH ** (1 if axis == "course" else -1)
-    return bool(differ.all()) or least <= scale * min(lengths, default=0)
