@@ -61,9 +61,9 @@ def read_cases(folders: Sequence[Path]) -> dict[str, xr.Dataset]:
     """The case of each pattern, from the files that the cubes of some results folders name."""
     cases = {}
     for folder in folders:
-        with xr.open_dataset(folder / "cube.nc") as cube:
+        with xr.open_dataset(folder / "cube.nc", engine="netcdf4") as cube:
             for pattern, name in zip(cube.pattern.values, cube.case_id.values.ravel(), strict=True):
-                with xr.open_dataset(folder / "cases" / f"{name}.nc") as case:
+                with xr.open_dataset(folder / "cases" / f"{name}.nc", engine="netcdf4") as case:
                     cases[str(pattern)] = case.load()
     return cases
 

@@ -45,5 +45,5 @@ if __name__ == "__main__":
     parser.add_argument("-o", "--output", type=Path, default=Path("folding.gif"))
     given = parser.parse_args()
     with print_style():
-        film = animate(xr.load_dataset(given.case))
+        film = animate(xr.load_dataset(given.case, engine="netcdf4"))
         film.save(given.output, writer=PillowWriter(fps=FRAMES_PER_SECOND))

@@ -86,4 +86,4 @@ def draw(case_file: xr.Dataset) -> Figure:
 if __name__ == "__main__":
     (file,) = CASES.glob("4-16-*.nc")
     with print_style():
-        save(draw(xr.load_dataset(file)), Path(__file__).with_suffix(".png"))
+        save(draw(xr.load_dataset(file, engine="netcdf4")), Path(__file__).with_suffix(".png"))

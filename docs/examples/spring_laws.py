@@ -19,7 +19,7 @@ parser.add_argument("cube", type=Path)
 parser.add_argument("-o", "--output", type=Path, default=Path("spring_laws.png"))
 asked = parser.parse_args()
 
-cube = xr.open_dataset(asked.cube)
+cube = xr.open_dataset(asked.cube, engine="netcdf4")
 strain = cube.applied_strain.values
 steps = round(AFTER / (strain[1] - strain[0]))
 figure = Figure(figsize=(7.0, 2.4), layout="constrained")

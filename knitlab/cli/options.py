@@ -113,9 +113,10 @@ class CommandGroup(click.Group):
                 place = error.filename or "the current folder"
                 echo_error(f"{place}: cannot be used ({error.strerror}); check the path")
         except Exception as error:
-            if not (library := failed_import(error)):
+            cause = error.__cause__ or error
+            if not (library := failed_import(cause)):
                 raise
-            echo_error(f"{library}: cannot be imported ({error}); install it again")
+            echo_error(f"{library}: cannot be imported ({cause}); install it again")
         sys.exit(BAD_INPUT)
 
 

@@ -121,15 +121,16 @@ def _message(entry: ErrorDetails, known: Mapping[str, str]) -> str:
 
 def failed_import(error: BaseException) -> str:
     """The library whose import raised an error, of whatever type; empty if none did."""
-    library, trace = "", error.__traceback__
+    modules = list[str]()
+    trace = error.__traceback__
     while trace is not None:
-        frame = trace.tb_frame
-        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
-            library = library or str(frame.f_locals.get("name", "")).partition(".")[0]
+        if trace.tb_frame.f_code.co_name == "<module>":
+            modules.append(trace.tb_frame.f_globals["__name__"])
         trace = trace.tb_next
-    if isinstance(error, ImportError):
-        return library or error.name or "a library"
-    return library
+    if isinstance(error, ImportError) and error.name:
+        modules.append(error.name)
+    libraries = (module.partition(".")[0] for module in modules)
+    return next((each for each in libraries if each not in ("knitlab", "__main__")), "")
 
 
 def shown(value: object) -> str:

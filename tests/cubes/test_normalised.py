@@ -7,8 +7,10 @@ import pandas as pd
 import pint
 import pytest
 import xarray as xr
+from click.testing import CliRunner
 
 import knitlab as kl
+from knitlab.cli import main
 from knitlab.cubes import cube_file
 from knitlab.cubes.cube_file import read_cube
 from knitlab.cubes.normalised import NoCube, normalised
@@ -282,3 +284,6 @@ def test_a_library_that_cannot_be_imported_is_no_damage(tmp_path, monkeypatch, e
     monkeypatch.setattr(cube_file.xr, "open_dataset", open_dataset)
     with refused("broken_library", "another version", "install", error=ImportError):
         kl.open_cube(tmp_path / "cube.nc")
+    result = CliRunner().invoke(main, ["query", str(tmp_path)])
+    assert result.exit_code == 2
+    assert "knitlab: broken_library: cannot be imported" in result.stderr
