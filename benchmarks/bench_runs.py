@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from benchmarks.command_line import COMMAND, processor_seconds
-from knitlab.model.threads import ONE_THREAD
+from knitlab.io.job_limits import ONE_THREAD
 
 ONE_DESIGN = "--set n_stripe=4 --set n_subunit=16"
 RUNS = {

@@ -4,6 +4,8 @@ import os
 import shutil
 import tempfile
 
+# Tests call the parts of knitlab directly; only the public functions set JAX to float64.
+os.environ.setdefault("JAX_ENABLE_X64", "1")
 # One thread per process, so that the tests can be distributed over one process per core.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("PJRT_NPROC", "1")

@@ -13,8 +13,9 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from knitlab.io.job_limits import threads
 from knitlab.model.energy import COMPLETE
-from knitlab.model.threads import Threads, allowed_threads
+from knitlab.model.threads import Threads
 from knitlab.solvers.case import Case
 from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium.method import tilings
@@ -42,7 +43,7 @@ class Stiffness:
         (start,) = tilings([case], [None])
         if start is None:
             raise RuntimeError("periodic fabric did not relax")
-        sample = ChunkedFabric(net.shape, fabric, Threads(allowed_threads()))
+        sample = ChunkedFabric(net.shape, fabric, Threads(threads()))
         free = free_stiffness(net.shape, loading_of(net.shape, start).free)
         hessians = sample.element_hessians(COMPLETE, np.asarray(start.flattened()))
         return cls(free, free.shifted(free.entries(hessians), SHIFT))
@@ -50,7 +51,7 @@ class Stiffness:
 
 def nested_dissection(matrix: Stiffness) -> Callable[[], Any]:
     """The factorisation of knitlab, as it uses it: threads of its own, and of BLAS one."""
-    factors = Multifrontal(matrix.free.plan, Threads(allowed_threads()))
+    factors = Multifrontal(matrix.free.plan, Threads(threads()))
 
     def factorise() -> Any:
         with one_thread_of_blas():

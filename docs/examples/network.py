@@ -20,6 +20,7 @@ from knitlab.export.meshes.fabric import closed_nodes
 from knitlab.figures.figure_files import save
 from knitlab.figures.sheets import design_text, frame_sheet
 from knitlab.figures.style import TWO_COLUMNS, print_style
+from knitlab.model.computing import computing
 from knitlab.model.layout import FabricLayout
 from knitlab.model.network import Elements
 from knitlab.solvers.case import case_of
@@ -56,6 +57,7 @@ def ends(elements: Elements) -> np.ndarray:
     return first + beyond
 
 
+@computing()
 def draw(case_file: xr.Dataset) -> Figure:
     """One unit cell of periodic fabric, as knitted and relaxed."""
     lines = by_role(case_of(json.loads(case_file.attrs["parameters"])).layout)

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
 import knitlab as kl
+from knitlab.model.computing import computing
 from knitlab.model.fabric import Configuration
 from knitlab.model.surfaces import self_intersections
 from knitlab.solvers.case import Case
@@ -29,6 +30,7 @@ STEP, FRICTION = 0.005, 0.98
 """Step of a path over the force divided by the stiffest k_s, and what it keeps of the last step."""
 
 
+@computing()
 def relaxed(design: tuple[int, int], start: str) -> tuple[Case, State]:
     """A small sample of a design, relaxed from a start."""
     planned = kl.plan(
@@ -45,6 +47,7 @@ def relaxed(design: tuple[int, int], start: str) -> tuple[Case, State]:
     return case, test.states[0]
 
 
+@computing()
 def lowest_path(
     case: Case, one: Configuration, other: Configuration
 ) -> Float[np.ndarray, " image"]:

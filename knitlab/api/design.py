@@ -14,10 +14,12 @@ from knitlab.design.trial import ShapeFunction
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.errors import invalid, shortened
 from knitlab.io.names import named_folder
+from knitlab.model.computing import computing
 
 UNLIMITED = 1_000_000  # number of simulations if the budget is a time
 
 
+@computing()
 def design(
     file: str | Path | None = None,
     *,

@@ -16,6 +16,7 @@ from knitlab.export.meshes import formats
 from knitlab.export.meshes.fabric import fabric_meshes
 from knitlab.export.meshes.surface import SurfaceMesh, solid_of
 from knitlab.io.names import check_suffix
+from knitlab.model.computing import computing
 from knitlab.observables.schema import STRAIN
 
 
@@ -43,6 +44,7 @@ class Exported:
         return f"<Exported {self.files[0]}: {len(self.meshes)} meshes, {nodes} nodes>"
 
 
+@computing()
 @renamed(shapes="cube")
 def export(
     cube: Cube,
@@ -102,6 +104,7 @@ def export(
     return Exported(tuple(files), strains, tuple(meshes), tuple(crossing), unit)
 
 
+@computing()
 @renamed(shapes="cube")
 def plate_stiffness(
     cube: Cube,

@@ -26,6 +26,7 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid, raise_if_any
 from knitlab.io.names import check_suffix
 from knitlab.io.provenance import provenance
+from knitlab.model.computing import computing
 from knitlab.model.electrodes import Capacitor
 from knitlab.model.settings import ModelOptions
 from knitlab.model.stitches import Gauge
@@ -143,6 +144,7 @@ class KnitSample(Specification):
         return path
 
 
+@computing()
 def knit(
     design: Design | str | Path | xr.Dataset,
     overrides: Sequence[str] = (),
@@ -240,6 +242,7 @@ def _values(machine: Overrides | None) -> Mapping[str, Any] | None:
     return {each.key: each.value for each in read}
 
 
+@computing()
 def read_chart(
     path: str | Path,
     *,

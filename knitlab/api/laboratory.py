@@ -33,6 +33,7 @@ from knitlab.lab.tension_record import (
     read_tension_record,
     relaxed_period,
 )
+from knitlab.model.computing import computing
 from knitlab.model.settings import CellSize
 from knitlab.model.spring_law import SpringCurve
 from knitlab.model.stripe import Knit, Stripe
@@ -46,6 +47,7 @@ AlongStrain = Sequence[float] | Float[np.ndarray, " along"]
 AlongForce = AlongStrain | Float[np.ndarray, "repeat_along along"]
 
 
+@computing()
 def calibrate(
     strain: Curve,
     force: Curve | Float[np.ndarray, "repeat point"],
@@ -83,14 +85,10 @@ def calibrate(
         InputError: if the curve has too few points, or no tension.
 
     Example:
-        >>> import numpy as np
-        >>> from knitlab.model.pure_stripe import PureStripe, tension_across
-        >>> stripe = kl.Stripe("rib", 4, period=1.41, k_s=0.817, theta_0=0.772, k_t=0.0107)
-        >>> strain = np.linspace(0.05, 2.5, 40)
-        >>> force = tension_across(PureStripe.of(stripe), strain)
-        >>> fitted = kl.calibrate(strain, force, period=1.41)
-        >>> round(fitted.values["k_s"], 3)
-        0.817
+        >>> record = kl.read_tension_record("docs/examples/swatches/records/rib.csv", width=95.5)
+        >>> fitted = kl.calibrate(record.strain, record.force, period=10, per_width=True)
+        >>> round(fitted.values["theta_0"], 2)
+        0.74
     """
 
     def record(curve: tuple[Any, Any], source: str) -> TensionRecord:
@@ -101,6 +99,7 @@ def calibrate(
     return fit_sheet(float(period), record((strain, force), "curve"), law, ridges)
 
 
+@computing()
 def calibrate_friction(cycles: LoadingCycles, *, period: float) -> FrictionFit:
     """Fit k_s, k_t, θ0, friction and drift of a stripe to loading cycles of its pure fabric.
 
@@ -156,6 +155,7 @@ class StripeCalibration:
         return f"<StripeCalibration {self.stripe.knit} {self.stripe.n}: {self.fit!r}>"
 
 
+@computing()
 def calibrate_stripe(
     record: str | Path,
     knit: Knit,
@@ -310,6 +310,7 @@ def _measured_law(path: str | Path | None) -> SpringCurve:
         return SpringCurve(tuple(table.strain.tolist()), tuple(table.force[0].tolist()))
 
 
+@computing()
 def fit(
     experiment: Cube,
     workflow: str | Path | Plan,

@@ -21,6 +21,7 @@ from knitlab.cubes.trust import marks_of_rows
 from knitlab.figures.figure_files import maybe_draw
 from knitlab.figures.sensing import cross_talk_figure, matrix_figure, selectivity_figure
 from knitlab.io.errors import invalid
+from knitlab.model.computing import computing
 from knitlab.model.electrodes import Capacitor
 from knitlab.model.fabric import Configuration
 from knitlab.observables.schema import STRAIN, described
@@ -34,6 +35,7 @@ from knitlab.solvers.case import Case
 from knitlab.solvers.equilibrium.adjoint import NoDerivative
 
 
+@computing()
 @renamed(shapes="cube")
 def capacitance_matrix(
     cube: Cube,
@@ -95,6 +97,7 @@ def capacitance_matrix(
     return maybe_draw(matrix_figure, table, output)
 
 
+@computing()
 @renamed(shapes="cube")
 def cross_talk(
     cube: Cube,
@@ -172,6 +175,7 @@ def cross_talk(
     return maybe_draw(cross_talk_figure, table, output)
 
 
+@computing()
 @renamed(shapes="cube")
 def selectivity(
     cube: Cube,

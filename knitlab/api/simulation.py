@@ -18,6 +18,7 @@ from knitlab.cubes.derived import with_derived
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.design.trial import ShapeFunction, shape_measure, state_slopes
 from knitlab.io.errors import ErrorCollector, Mistake, invalid, naming, raise_if_any, shown
+from knitlab.model.computing import computing
 from knitlab.model.electrodes import Capacitor
 from knitlab.model.fold_friction import Friction
 from knitlab.model.settings import Boundary, ModelOptions, PlainKnit, Sheet
@@ -130,6 +131,7 @@ class Design:
         return (*self.further_stripes, *(stripe for stripe in own if stripe is not None))
 
 
+@computing()
 def simulate(
     design: Design,
     applied_strain: Sequence[float] | Float[np.ndarray, " strain"] | None = None,
@@ -254,6 +256,7 @@ def case_of_design(
     return replace(case, applied_strain=strains)
 
 
+@computing()
 def evaluate(
     test: xr.Dataset, *, sensitivities: bool = True, **measures: ShapeFunction
 ) -> xr.Dataset:

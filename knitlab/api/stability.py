@@ -13,6 +13,7 @@ from knitlab.api.sweeps import one_of
 from knitlab.figures.figure_files import maybe_draw
 from knitlab.figures.stability import branches_figure, shapes_figure
 from knitlab.io.errors import invalid, shown
+from knitlab.model.computing import computing
 from knitlab.runs.figure_names import check_figure_suffix
 from knitlab.runs.workflow_text import Overrides
 from knitlab.solvers.branches.continuation import (
@@ -37,6 +38,7 @@ BELOW_REST = 0.02  # compression to which branches are followed
 MAX_SHAPES = 6  # shapes between which energies are computed
 
 
+@computing()
 def branches(
     workflow: str | Path = "periodic",
     overrides: Sequence[str] = (),
@@ -153,6 +155,7 @@ def _table(equations: FabricEquations, followed: list[list[PathPoint]]) -> xr.Da
     )
 
 
+@computing()
 def shapes(
     workflow: str | Path = "periodic",
     overrides: Sequence[str] = (),

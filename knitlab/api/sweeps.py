@@ -52,7 +52,7 @@ def run(
         retries: how often a batch that raised an error is tried again.
         fail_fast: whether to stop at the first case that is not ok.
         case_timeout: longest time for a case [s].
-        refresh: whether to recompute stale results.
+        refresh: whether to recompute stale results, and those that did not converge.
         shard: the part of the plan to run, as ``(3, 40)``, beside processes that run the others
             in the same results folder, or each in its own for :func:`merge`.
         figures: whether to draw the workflow's figures into the results folder.

@@ -86,7 +86,7 @@ def _echo_excluded(excluded: Iterable[str]) -> None:
     default=True,
 )
 @option("--case-timeout SECONDS", "Longest time for one case.", POSITIVE)
-@flag("--refresh", "Recompute stale results.")
+@flag("--refresh", "Recompute stale results, and those that did not converge.")
 @option(
     "--shard NUMBER/COUNT",
     "Run one part of the plan, as 3/40, beside processes that run the others.",

@@ -10,6 +10,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
+from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize, to_rgb
@@ -34,15 +35,15 @@ DOTS_PER_INCH = 320  # resolution of PNG files, and of what vector files hold as
 DECADES = 30.0
 
 PRINT: dict[Any, Any] = {
-    **{"backend": "Agg", "font.family": "sans-serif"},
+    "font.family": "sans-serif",
     **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize"), 8),
     **dict.fromkeys(("legend.fontsize", "xtick.labelsize", "ytick.labelsize"), 7),
     **dict.fromkeys(("legend.frameon", "axes.spines.top", "axes.spines.right"), False),
     **{"axes.linewidth": 0.6, "lines.linewidth": 1.2, "hatch.linewidth": 0.5},
     **{"savefig.dpi": DOTS_PER_INCH, "pdf.fonttype": 42, "svg.fonttype": "none"},
 }
-print_style = partial(mpl.rc_context, PRINT)
-"""Matplotlib's settings for print, within ``with`` or a decorated function."""
+print_style = partial(style.context, ["default", PRINT])
+"""Settings for print, whatever those of the user, within ``with`` or a decorated function."""
 
 Look = dict[str, Any]  # keyword arguments of an artist of matplotlib
 

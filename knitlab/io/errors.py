@@ -37,8 +37,12 @@ BadInput = InputError  # the name until version 0.1
 """Deprecated: :class:`InputError`."""
 
 
-class CannotWrite(InputError):
-    """A file that cannot be written, so that continuing is pointless."""
+class MachineError(InputError):
+    """What this machine or its environment prevents, whatever the design."""
+
+
+class CannotWrite(MachineError):
+    """A file that cannot be written."""
 
 
 class ErrorCollector:

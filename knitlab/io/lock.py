@@ -40,7 +40,7 @@ def locked(folder: Path, shard: Shard = (1, 1)) -> Iterator[None]:
             if other[1] != shard[1]:
                 raise _in_use(folder / ".lock-{}-of-{}".format(*other))
         lock = _acquired(path)
-        holder = f"process {os.getpid()} of {getpass.getuser()} on {socket.gethostname()}"
+        holder = f"process {os.getpid()} of {_user()} on {socket.gethostname()}"
         holder += f" since {datetime.now().isoformat(timespec='seconds')}"
         holder += " (shard {} of {})".format(*shard) if shard[1] > 1 else ""
         with suppress(OSError):  # the lock works without the file that names its holder
@@ -95,6 +95,14 @@ def _acquired(path: Path, seconds: float = 0.0) -> AbstractContextManager[object
             return nullcontext()
         message = f"cannot be written ({error.strerror}); choose another folder"
         raise CannotWrite([Mistake(str(path.parent), message)]) from error
+
+
+def _user() -> str:
+    """The name of the user, or the number of one without a name, as in a container."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError, ImportError):
+        return f"user {os.getuid()}" if hasattr(os, "getuid") else "another user"
 
 
 def _in_use(path: Path) -> InputError:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.lab.calibration import Calibration
+from knitlab.model.computing import computing
 from knitlab.model.settings import ModelOptions, Sheet
 from knitlab.model.stripe import Stripe
 from knitlab.runs.parameters import defaults
@@ -70,6 +71,7 @@ class Swatch:
         )
 
 
+@computing()
 def simulated_swatches(calibration: Calibration) -> list[Swatch]:
     """Simulate the swatches of a calibration: across the ridges, and along them if measured.
 
@@ -84,14 +86,10 @@ def simulated_swatches(calibration: Calibration) -> list[Swatch]:
         the largest force.
 
     Example:
-        >>> import numpy as np
-        >>> from knitlab.model.pure_stripe import PureStripe, tension_across
-        >>> stripe = kl.Stripe("rib", 4, period=1.41, k_s=0.817, theta_0=0.772, k_t=0.0107)
-        >>> strain = np.linspace(0.05, 2.5, 40)
-        >>> force = tension_across(PureStripe.of(stripe), strain)
-        >>> fitted = kl.calibrate(strain, force, period=1.41)
+        >>> record = kl.read_tension_record("docs/examples/swatches/records/rib.csv", width=95.5)
+        >>> fitted = kl.calibrate(record.strain, record.force, period=10, per_width=True)
         >>> [swatch] = kl.simulated_swatches(fitted)
-        >>> bool(swatch.error < 1e-3)
+        >>> bool(swatch.error < 0.01)
         True
     """
     stripe = calibration.stripe("rib", 1, "relaxed")

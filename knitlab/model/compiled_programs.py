@@ -4,6 +4,7 @@ import hashlib
 import platform
 import warnings
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 import jax
@@ -12,25 +13,35 @@ from platformdirs import user_cache_path
 
 from knitlab.io.atomic_write import can_write_into
 from knitlab.io.compilation_cache import cache_problem
-from knitlab.model.threads import allowed_threads
+from knitlab.io.job_limits import threads
 
 MAX_CACHE_SIZE = 512 * 2**20
 """Size of all programs that are kept; those not used for longest are removed [bytes]. With a limit,
 JAX holds a lock while it reads or writes, which several workers need."""
 
 
-def keep_compiled_programs() -> None:
-    """Keep compiled programs, unless JAX has a cache already or the folder cannot be written."""
+def cache_flags() -> dict[str, object]:
+    """Flags of JAX that keep compiled programs; none if it has a cache, or no folder can be used.
+
+    If the folder that the user names cannot be written, nothing is kept.
+    """
     named = getattr(jax.config, "jax_compilation_cache_dir", None)
-    if named is not None:
-        kept = getattr(jax.config, "jax_enable_compilation_cache", True)
-        if kept and (message := cache_problem(named)):
-            warnings.warn(message, stacklevel=2)
-            jax.config.update("jax_enable_compilation_cache", False)
-        return
+    if named is None:
+        return _own_cache()
+    if getattr(jax.config, "jax_enable_compilation_cache", True) and (
+        message := cache_problem(named)
+    ):
+        warnings.warn(message, stacklevel=2)
+        return {"jax_enable_compilation_cache": False}
+    return {}
+
+
+@cache
+def _own_cache() -> dict[str, object]:
+    """Flags for a folder among the user's caches, for all runs and workers."""
     folder = user_cache_path("knitlab") / "compiled" / _kind_of_program()
     if not can_write_into(folder):
-        return
+        return {}
     # JAX writes the time of use after the program, and would warn every time of programs without
     # it, whose process was killed while it wrote them.
     try:
@@ -41,10 +52,12 @@ def keep_compiled_programs() -> None:
     except Timeout:
         pass
     except OSError:  # without locks, JAX would warn of every program
-        return
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_compilation_cache_max_size", MAX_CACHE_SIZE)
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+        return {}
+    return {
+        "jax_compilation_cache_dir": str(folder),
+        "jax_compilation_cache_max_size": MAX_CACHE_SIZE,
+        "jax_persistent_cache_min_compile_time_secs": 0.0,
+    }
 
 
 def _kind_of_program() -> str:
@@ -55,4 +68,4 @@ def _kind_of_program() -> str:
         features = next((line for line in lines if line.startswith(("flags", "Features"))), "")
     processor = " ".join((platform.machine(), platform.processor(), features))
     digest = hashlib.sha256(processor.encode()).hexdigest()[:12]
-    return f"jax-{jax.__version__}-{digest}-threads-{allowed_threads('PJRT_NPROC')}"
+    return f"jax-{jax.__version__}-{digest}-threads-{threads('PJRT_NPROC')}"

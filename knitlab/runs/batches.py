@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import psutil
 
+from knitlab.io import job_limits
 from knitlab.io.errors import invalid
 from knitlab.io.limits import MAX_CASES
 from knitlab.solvers.case import Case, by_test
@@ -101,13 +101,13 @@ def seconds(cases: Iterable[Case]) -> float:
 
 
 def workers_that_fit(batches: Sequence[Batch], workers: int, memory: float | None = None) -> int:
-    """Number of workers whose batches fit into a memory [bytes], by default of this machine."""
-    memory = float(psutil.virtual_memory().total) if memory is None else memory
+    """Number of workers whose batches fit into a memory [bytes], by default of this job."""
+    memory = job_limits.memory() if memory is None else memory
     needs = sorted((batch.estimated_bytes for batch in batches), reverse=True)
     if needs and needs[0] > memory:
         largest = f"batch of {max(batch.unknowns for batch in batches):,} unknowns"
-        sizes = f"needs about {needs[0] / 1e9:.1f} GB, and this machine has {memory / 1e9:.1f} GB"
-        raise invalid(largest, f"{sizes}; take fewer unit_cells or a larger machine")
+        sizes = f"needs about {needs[0] / 1e9:.1f} GB, and this job has {memory / 1e9:.1f} GB"
+        raise invalid(largest, f"{sizes}; take fewer unit_cells or more memory")
     while workers > 1 and sum(needs[:workers]) > memory:
         workers -= 1
     return workers

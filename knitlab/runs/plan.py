@@ -17,6 +17,7 @@ from knitlab.io.errors import ErrorCollector, InputError, Mistake, invalid
 from knitlab.io.limits import MAX_CASES
 from knitlab.io.provenance import MODEL, file_digests, package_digest, text_digest
 from knitlab.io.shipped import shipped
+from knitlab.model.computing import computing
 from knitlab.model.stitches import Gauge
 from knitlab.observables.observable import Variable
 from knitlab.observables.schema import SAMPLE
@@ -110,6 +111,7 @@ class Plan:
             temporary.write_text(json_with_checksum(text), encoding="utf-8")
 
 
+@computing()
 def make_plan(
     workflow: str, overrides: Overrides = (), parameter_folder: Path | None = None
 ) -> Plan:

@@ -17,6 +17,7 @@ from knitlab.cubes.recorded_case import case_of_record
 from knitlab.io.errors import InputError, invalid
 from knitlab.io.limits import MAX_CASES_NAMED
 from knitlab.io.provenance import MODEL
+from knitlab.model.computing import computing
 from knitlab.observables.finished_test import FinishedTest
 from knitlab.observables.measurement import measured
 from knitlab.runs.results_folder import FAILURES, PLAN, earlier_failures, read_plan
@@ -67,6 +68,7 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
     return RecordedCase(case_of_record(record, name), name, folder)
 
 
+@computing()
 def reproduce(
     case_id: str, *, results: str | Path = "results", report: Callable[[str], None] = print
 ) -> bool:

@@ -1,7 +1,6 @@
 """Running a plan: missing cases are simulated, then the cube is built."""
 
 import itertools
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ import xarray as xr
 
 from knitlab.cubes.case_file import case_path, read_case
 from knitlab.cubes.cube_file import CUBE, differences, parameters_of, write_cube
+from knitlab.io import job_limits
 from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.limits import MAX_CASE_TIMEOUT
@@ -44,7 +44,7 @@ class RunOptions:
     """How a plan is run, see :func:`knitlab.run`; none of these options changes a result.
 
     Without a number of ``workers`` a single batch is simulated in this process, which is ready
-    sooner, and several by one process for each processor.
+    sooner, and several by one process for each processor of the job.
     """
 
     workers: int | None = 0
@@ -74,7 +74,7 @@ class RunOptions:
         if self.workers is not None:
             return self.workers
         # A separate process can be stopped, and its crash does not end the run.
-        return 0 if batches == 1 and self.case_timeout is None else os.cpu_count() or 1
+        return 0 if batches == 1 and self.case_timeout is None else job_limits.processors()
 
 
 @dataclass(frozen=True)
@@ -153,12 +153,18 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             else:
                 clear_unfinished(results)
                 plan.write(results / PLAN)
-        states = case_states(share.designs, results, cube_designs(old), check=True)
+        known = cube_designs(old)
+        states = case_states(share.designs, results, known, check=True)
+        wanted = {CaseState.pending, CaseState.damaged}
+        unconverged = set[str]()
+        if options.refresh:
+            wanted |= {CaseState.stale_code, CaseState.stale_parameters}
+            designs = known.values()
+            unconverged = {each.case_id for each in designs if each.status is Status.not_converged}
         missing = {
             case_id: share.cases[case_id]
             for case_id, state in states.items()
-            if state in (CaseState.pending, CaseState.damaged)
-            or (state is not CaseState.done and options.refresh)
+            if state in wanted or case_id in unconverged
         }
         with workers.interrupted_by_signals() as asked:
             done = _simulate(share, results, missing, options, asked)
@@ -238,8 +244,8 @@ def _simulate(
             to_retry: list[Sequence[Case]] = []
             groups = [[batch] for batch in batches] if attempts >= ONE_BY_ONE else [batches]
             for batch, error in itertools.chain.from_iterable(map(pool, groups)):
-                if error and error.cannot_write:
-                    raise error.cannot_write
+                if error and error.machine_error:
+                    raise error.machine_error
                 if error and (attempts < options.retries or (error.lost and attempts < ONE_BY_ONE)):
                     to_retry.append(batch)
                     continue

@@ -9,6 +9,7 @@ import xarray as xr
 
 from knitlab.cubes.case_file import write_case_file
 from knitlab.io.provenance import provenance
+from knitlab.model.computing import computing
 from knitlab.observables.finished_test import FinishedTest
 from knitlab.observables.measurement import measured
 from knitlab.solvers.case import Case, by_test
@@ -17,6 +18,7 @@ from knitlab.solvers.methods import METHODS
 from knitlab.solvers.perturbed_copies import perturbed_tests
 
 
+@computing()
 def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> None:
     """Simulate cases of one mesh shape together, and write their case files.
 
@@ -26,6 +28,7 @@ def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> 
         write_case_file(results, case.case_id, dataset)
 
 
+@computing()
 def simulated(case: Case, progress: Progress) -> xr.Dataset:
     """What the case file of a case would hold, simulated in this process."""
     ((_, dataset),) = _simulated([case], progress)

@@ -6,7 +6,7 @@ Signals that end a process are handled like Ctrl-C.
 import logging
 import os
 import signal
-import socket
+import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 
 import dask
 
-from knitlab.io.errors import CannotWrite, invalid
-from knitlab.model.threads import ONE_THREAD
+from knitlab.io.errors import MachineError, invalid
+from knitlab.io.job_limits import ONE_THREAD
 from knitlab.solvers.case import Case
 from knitlab.solvers.method import Progress
 
@@ -44,9 +44,10 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)
 logging.getLogger("distributed").setLevel(logging.CRITICAL)
 """
 """Run by dask's workers at their start: they ignore Ctrl-C and log nothing."""
-FILES = 24  # that this process has open at most, without workers
-FILES_PER_WORKER = 10
-SECONDS_TO_ANSWER = 2.0  # longest time until a scheduler sends its first byte
+LOGGERS = ("distributed", "tornado")
+SCRIPT_NAMES = ("__file__", "__spec__")
+"""Names by which a process that is spawned would find the user's script and run it again; workers
+need nothing of it."""
 ENDED = ("finished", "error")  # states of a dask task whose scheduler still runs
 
 Batch = Sequence[Case]
@@ -64,7 +65,7 @@ class BatchError:
     reason: str
     trace: str = ""
     lost: bool = False
-    cannot_write: CannotWrite | None = None
+    machine_error: MachineError | None = None  # not caused by a design
 
     @classmethod
     def of(cls, error: BaseException) -> "BatchError":
@@ -74,7 +75,7 @@ class BatchError:
         return cls(
             f"{type(error).__name__}: {error}{line}",
             "".join(traceback.format_exception(error)),
-            cannot_write=error if isinstance(error, CannotWrite) else None,
+            machine_error=error if isinstance(error, MachineError) else None,
         )
 
 
@@ -216,14 +217,8 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
 def connected(scheduler: str) -> "Client":
     """A client of an existing scheduler; InputError if none answers."""
     from distributed import Client
-    from distributed.comm.addressing import get_address_host_port
 
     try:
-        if scheduler.partition("://")[0] not in ("tls", "ws", "wss"):
-            # A scheduler sends at once; dask would wait indefinitely for an unresponsive one.
-            place = get_address_host_port(scheduler)
-            with socket.create_connection(place, SECONDS_TO_ANSWER) as line:
-                line.recv(1)
         return Client(scheduler, timeout=10)
     except (OSError, ValueError, MemoryError) as error:  # the last of another program
         message = f"no dask scheduler answers ({error}); check the address"
@@ -233,17 +228,6 @@ def connected(scheduler: str) -> "Client":
 @contextmanager
 def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
     """A client of processes on this machine, which end with it; InputError if they cannot start."""
-    with suppress(ImportError):
-        import resource  # not on Windows
-
-        limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-        needed = FILES + workers * FILES_PER_WORKER
-        if 0 <= limit < needed:
-            message = f"need {needed} open files, and this process may have {limit}"
-            hint = "raise ulimit -n, or take fewer workers or 0 for none"
-            raise invalid(f"workers {workers}", f"{message}; {hint}")
-    from distributed import Client, LocalCluster
-
     settings = {
         "distributed.nanny.pre-spawn-environ": WORKER_ENVIRONMENT,
         "distributed.worker.multiprocessing-method": "spawn",
@@ -257,9 +241,14 @@ def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
         "distributed.deploy.lost-worker-timeout": "1 day",
         "distributed.worker.preload": [QUIET],
     }
-    for name in ("distributed", "tornado"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)
-    with dask.config.set(settings), ExitStack() as stack:
+    with ExitStack() as stack:
+        stack.enter_context(_as_before())
+        from distributed import Client, LocalCluster  # sets levels of loggers
+
+        stack.enter_context(dask.config.set(settings))
+        for name in LOGGERS:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        vars(sys.modules["__main__"]).update(dict.fromkeys(SCRIPT_NAMES))
         try:
             cluster = LocalCluster(
                 n_workers=workers,
@@ -277,6 +266,26 @@ def _started(workers: int, dashboard: bool) -> Iterator["Client"]:
         if dashboard:
             logging.getLogger(__name__).warning("dashboard  %s", cluster.dashboard_link)
         yield client
+
+
+@contextmanager
+def _as_before() -> Iterator[None]:
+    """Put back what dask and this module change in the user's process to start workers."""
+    environment = dict(os.environ)
+    levels = {name: logging.getLogger(name).level for name in LOGGERS}
+    script = vars(sys.modules["__main__"])
+    named = {name: script[name] for name in SCRIPT_NAMES if name in script}
+    try:
+        yield
+    finally:
+        for name in os.environ.keys() - environment.keys():
+            del os.environ[name]
+        os.environ.update(environment)
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
+        for name in SCRIPT_NAMES:
+            script.pop(name, None)
+        script.update(named)
 
 
 @contextmanager

@@ -71,34 +71,6 @@ print(jax.config.jax_enable_x64, jax.config.jax_compilation_cache_dir)
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(
-    "program",
-    [
-        """
-import numpy as np
-from knitlab.model.stripe import Stripe
-from knitlab.model.zigzag import tension, zigzag
-stripe = Stripe("rib", 4, period=1.41, k_s=0.8, theta_0=0.8, k_t=0.01)
-found = tension(zigzag(stripe), np.array([0.1, 0.2]))
-""",
-        """
-import jax.numpy as jnp
-from knitlab.solvers.dynamics.vectors import dot
-one = jnp.linspace(0, 1, 3), jnp.ones(3), jnp.ones(3)
-found = dot(one, one)
-""",
-        """
-import numpy as np
-from knitlab.observables.capacitance.boundary_elements import triangle_potential
-found = triangle_potential(np.zeros(3), np.eye(3))
-""",
-    ],
-    ids=["model", "dynamics", "capacitance"],
-)
-def test_a_low_level_function_computes_in_float64(program):
-    assert printed(f"import jax\n{program}\nprint(found.dtype)", JAX_ENABLE_X64="0") == "float64"
-
-
 @pytest.mark.slow
 def test_a_new_worker_process_computes_in_float64():
     stripe = Stripe("rib", 4, period=1.41, k_s=0.8, theta_0=0.8, k_t=0.01)

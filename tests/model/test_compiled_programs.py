@@ -7,9 +7,11 @@ import sys
 import pytest
 
 PROGRAM = """
-import jax, knitlab.model
+import jax
 import jax.numpy as jnp
-print(jax.jit(lambda x: jnp.cos(x) @ x)(jnp.arange(8.0)))
+from knitlab.model.computing import computing
+with computing():
+    print(jax.jit(lambda x: jnp.cos(x) @ x)(jnp.arange(8.0)))
 """
 
 

@@ -15,8 +15,8 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cubes.case_file import is_undamaged, write_case_file
+from knitlab.io.job_limits import threads
 from knitlab.io.provenance import MODEL
-from knitlab.model.threads import allowed_threads
 from knitlab.observables.measurement import variables_of
 from knitlab.observables.schema import described
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS
@@ -115,7 +115,7 @@ def simulate_once_lost(results, cases, progress):
 
 def simulate_and_tell_threads(results, cases, progress):
     simulate(results, cases, progress)
-    (results / f"threads-{cases[0].case_id}").write_text(f"{allowed_threads()} {ONE_OF_XLA}")
+    (results / f"threads-{cases[0].case_id}").write_text(f"{threads()} {ONE_OF_XLA}")
 
 
 def simulate_unconverged(results, cases, progress):

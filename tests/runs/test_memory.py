@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.io.errors import InputError
-from knitlab.runs import batches
 from knitlab.runs.batches import workers_that_fit
 from knitlab.runs.plan import make_plan
 from knitlab.runs.run import RunOptions, run_plan
@@ -27,10 +26,7 @@ def test_any_batches_of_so_many_workers_fit(needs, wished, total):
 
 
 def test_a_batch_that_does_not_fit_is_refused_before_anything_is_simulated(tmp_path, monkeypatch):
-    class Small:
-        total = 10e6
-
-    monkeypatch.setattr(batches.psutil, "virtual_memory", Small)
+    monkeypatch.setenv("SLURM_MEM_PER_NODE", "10")
     plan = make_plan("periodic", ("n_stripe=4", "strain_max=0.06"))
     with pytest.raises(InputError, match=r"0\.6 GB.* 0\.0 GB"):
         run_plan(plan, tmp_path, RunOptions(simulate=simulate))

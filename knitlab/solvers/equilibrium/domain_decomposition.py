@@ -22,10 +22,11 @@ from typing import IO
 import numpy as np
 from jaxtyping import Bool, Int
 
+from knitlab.io.job_limits import ONE_THREAD
+from knitlab.model.computing import computing
 from knitlab.model.energy import Point
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
-from knitlab.model.threads import ONE_THREAD
 from knitlab.solvers.equilibrium.search import Search, SearchRules, minimise
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.equilibrium.state import Outcome, State
@@ -200,5 +201,5 @@ if __name__ == "__main__":
     # Printed text must not mix with the replies.
     with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as answers:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-        with one_thread_of_blas():
+        with computing(), one_thread_of_blas():
             _serve(sys.stdin.buffer, answers)

@@ -12,10 +12,11 @@ from dataclasses import replace
 from threading import Event
 from typing import TYPE_CHECKING, TypeVar
 
+from knitlab.io import job_limits
 from knitlab.model.energy import Evaluation, Point
 from knitlab.model.fabric import Fabric, Unknowns
 from knitlab.model.network import MeshShape
-from knitlab.model.threads import Threads, allowed_threads
+from knitlab.model.threads import Threads
 from knitlab.solvers.equilibrium.domain_decomposition import SubdomainSolver
 from knitlab.solvers.equilibrium.search import Search, SearchRules, minimise
 from knitlab.solvers.equilibrium.state import Outcome, State
@@ -44,7 +45,7 @@ def run_each(
     Small fabrics run one to a thread; large ones one after another, as their elements and fronts
     keep all threads busy. Results do not depend on the number of threads.
     """
-    threads = Threads(allowed_threads())
+    threads = Threads(job_limits.threads())
     stopped = Event()
     problems = list(zip(fabrics, searches, contacts or [None] * len(fabrics), strict=True))
     with one_thread_of_blas():
