@@ -153,14 +153,15 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             else:
                 clear_unfinished(results)
                 plan.write(results / PLAN)
-        known = cube_designs(old)
-        states = case_states(share.designs, results, known, check=True)
+        in_cube = cube_designs(old)
+        states = case_states(share.designs, results, in_cube, check=True)
         wanted = {CaseState.pending, CaseState.damaged}
         unconverged = set[str]()
         if options.refresh:
             wanted |= {CaseState.stale_code, CaseState.stale_parameters}
-            designs = known.values()
-            unconverged = {each.case_id for each in designs if each.status is Status.not_converged}
+            unconverged = {
+                each.case_id for each in in_cube.values() if each.status is Status.not_converged
+            }
         missing = {
             case_id: share.cases[case_id]
             for case_id, state in states.items()

@@ -6,6 +6,7 @@ Signals that end a process are handled like Ctrl-C.
 import logging
 import os
 import signal
+import socket
 import sys
 import threading
 import traceback
@@ -44,6 +45,7 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)
 logging.getLogger("distributed").setLevel(logging.CRITICAL)
 """
 """Run by dask's workers at their start: they ignore Ctrl-C and log nothing."""
+SECONDS_TO_ANSWER = 2.0  # longest time until a scheduler sends its first byte
 LOGGERS = ("distributed", "tornado")
 SCRIPT_NAMES = ("__file__", "__spec__")
 """Names by which a process that is spawned would find the user's script and run it again; workers
@@ -217,8 +219,14 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
 def connected(scheduler: str) -> "Client":
     """A client of an existing scheduler; InputError if none answers."""
     from distributed import Client
+    from distributed.comm.addressing import get_address_host_port
 
     try:
+        if scheduler.partition("://")[0] not in ("tls", "ws", "wss"):
+            # A scheduler sends at once; dask would wait indefinitely for another service.
+            place = get_address_host_port(scheduler)
+            with socket.create_connection(place, SECONDS_TO_ANSWER) as line:
+                line.recv(1)
         return Client(scheduler, timeout=10)
     except (OSError, ValueError, MemoryError) as error:  # the last of another program
         message = f"no dask scheduler answers ({error}); check the address"

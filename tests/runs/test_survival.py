@@ -421,16 +421,6 @@ def test_a_full_disk_gives_one_sentence_and_loses_nothing(tmp_path, workers):
     assert len(said.stdout.splitlines()) == 1
 
 
-def test_workers_that_lack_open_files_are_refused_before_any_is_started(tmp_path, monkeypatch):
-    resource = pytest.importorskip("resource")
-    monkeypatch.setattr(resource, "getrlimit", lambda which: (24, 24))
-    monkeypatch.setitem(sys.modules, "distributed", None)  # importing it would fail
-    with pytest.raises(InputError, match=r"44 open files.*24"):
-        ran(few_cases(), tmp_path, workers=2)
-    monkeypatch.undo()
-    assert len(ran(few_cases(), tmp_path).simulated) == 4
-
-
 def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(CannotWrite, match="cannot be written"):
