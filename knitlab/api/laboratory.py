@@ -17,6 +17,7 @@ from knitlab.cubes.selection import select
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.errors import invalid, naming
 from knitlab.io.names import check_suffix
+from knitlab.io.table_readings import Decimal
 from knitlab.io.toml import TOML
 from knitlab.lab.calibration import Calibration, Law
 from knitlab.lab.calibration import calibrate as fit_sheet
@@ -169,6 +170,8 @@ def calibrate_stripe(
     zero: Zero | None = None,
     preload: float | None = None,
     cycle: int = 1,
+    decimal: Decimal | None = None,
+    table: int | None = None,
     along: str | Path | None = None,
     along_width: float | None = None,
     along_gauge_length: float | None = None,
@@ -196,6 +199,8 @@ def calibrate_stripe(
         zero: what is subtracted from the force: ``"none"``, ``"start"`` or a number [N].
         preload: tension at which the record began [N].
         cycle: the cycle whose loading is taken.
+        decimal: the decimal mark of the files, ``"."`` or ``","``, if their numbers do not show it.
+        table: which table is read, from 1, of files with several.
         along: file of the same fabric pulled along its ridges.
         along_width: width of that swatch, by default ``width`` [mm].
         along_gauge_length: its gauge length, by default ``gauge_length`` [mm].
@@ -232,7 +237,7 @@ def calibrate_stripe(
     period = relaxed_period(n, period, gauge_length, gauge_stitches)
     size = cell_size or defaults().model.cell_size
     swatch: dict[str, Any] = {"gauge_length": gauge_length, "width": width, "zero": zero}
-    swatch |= {"thickness": thickness, "preload": preload}
+    swatch |= {"thickness": thickness, "preload": preload, "decimal": decimal, "table": table}
     name, material = Path(record).name, None if output is None else Path(output)
     if friction:
         if law != "linear" or along is not None:
@@ -264,7 +269,7 @@ def calibrate_stripe(
         # A preload is that of the other record.
         other = swatch | along_sizes | {"preload": None}
         ridges = read_tension_record(along, cycle=cycle, **other)
-    springs = _measured_law(spring_curve) if law == "tabulated" else law
+    springs = _measured_law(spring_curve, decimal) if law == "tabulated" else law
     fit = fit_sheet(period, across, springs, ridges)
     linear = None if law == "linear" else fit_sheet(period, across)
     swatches = simulated_swatches(fit) if fit.converged else []
@@ -301,13 +306,13 @@ def calibrate_stripe(
     )
 
 
-def _measured_law(path: str | Path | None) -> SpringCurve:
+def _measured_law(path: str | Path | None, decimal: Decimal | None) -> SpringCurve:
     """The law of springs whose curve is in a file."""
     if path is None:
         raise invalid("spring_curve", "is missing; give it for law = tabulated")
-    table = read_tension_record(path, zero="none")
+    curve = read_tension_record(path, zero="none", decimal=decimal)
     with naming(str(path)):
-        return SpringCurve(tuple(table.strain.tolist()), tuple(table.force[0].tolist()))
+        return SpringCurve(tuple(curve.strain.tolist()), tuple(curve.force[0].tolist()))
 
 
 @computing()

@@ -46,6 +46,8 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 )
 @option("--preload", "Tension at which the record began [N].", POSITIVE)
 @option("--cycle", "The cycle whose loading branch is taken.", COUNT, default=1)
+@option("--decimal", "Decimal mark of the files, if their numbers do not show it.", [".", ","])
+@option("--table", "Which table is read, of files with several. [default: all as repeats]", COUNT)
 @option(
     "--cell-size",
     "Model option to simulate the stripe with. [default: that of params/model.toml]",
@@ -73,8 +75,9 @@ def calibrate(record: Path, knit: Any, stitches: int, **arguments: Any) -> None:
 
     RECORD is a CSV file with a header such as "repeat [1],extension [mm],force [N]": strain, or
     extension with --gauge-length, and the force on a swatch of this --width, or the stress. Several
-    repeats give one curve; of cycles, one loading branch is taken. Without --width, the force is
-    that on one row of the network. Pull until the folds are open and the springs stretch, to about
+    repeats, in a column or in tables below each other, give one curve; of cycles, one loading
+    branch is taken. Of force and stress, --width reads the force and --thickness the stress;
+    without --width, the force is that on one row of the network. Pull until the folds are open and the springs stretch, to about
     200 % strain: below that the three cannot be determined separately. --along adds the springs
     along the ridges; without it they are those of the other knit, and far too stiff. After the fit
     the swatch is simulated and compared with its record.

@@ -150,7 +150,7 @@ def _target_of_text(text: str, where: str, folder: Path) -> Target:
         raise invalid(where, "has a tolerance that is not above 0; raise it, or leave it out")
     if "path" in groups:
         path = folder / groups["path"]
-        columns = read_columns(path, {"strain": None, subject: None}, CURVE_EXAMPLE)
+        columns = read_columns(path, {"strain": None, subject: None}, CURVE_EXAMPLE).numbers
         strains, values = (columns[column].tolist() for column in ("strain", subject))
         table = {"name": subject, "applied_strain": strains, "value": values}
         return replace(read_target(table, str(path)), text=text.strip(), tolerance=tolerance)

@@ -4,10 +4,10 @@ Separator, decimal mark, header and a row of units are recognised; blocks of pro
 header are left out. What is ambiguous or incomplete is an error that names the line.
 """
 
-import csv
 import re
-from collections.abc import Collection, Mapping, Sequence
-from itertools import product, takewhile, zip_longest
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 from zipfile import BadZipFile
@@ -17,19 +17,33 @@ import pandas as pd
 import pint
 from jaxtyping import Float
 
-from knitlab.io.errors import Mistake, invalid, raise_if_any
+from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any
+from knitlab.io.table_readings import (
+    IN_BRACKETS,
+    SEPARATORS,
+    Block,
+    Decimal,
+    Fits,
+    Line,
+    is_unit,
+    numeric_reading,
+    text_lines,
+)
 from knitlab.io.text_file import read_text
 
-SEPARATORS = ",;\t| "  # of columns; any number of spaces is one separator
-NUMBER = re.compile(r"[+-]?((\d{1,3}(,\d{3})+|\d+)(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
-"""A number with a decimal point, and perhaps commas between thousands."""
-EXCHANGED = str.maketrans(".,", ",.")
-IN_BRACKETS = re.compile(r"\([^()]*\)|\[[^\[\]]*\]")
 WITH_UNIT = re.compile(rf"(?P<name>.*?)\s*(?P<unit>{IN_BRACKETS.pattern})")
 BEHIND_WORD = re.compile(r"(?P<name>.+?)(?:\s+in|\s+/)\s+(?P<unit>\S+)")  # Kraft in N, F / N
 WORKBOOKS = (".xlsx", ".xlsm")
-SEEN = 400  # lines that decide on separator and decimal mark
-OF_SPACES = 0.67  # weight of what spaces explain, as they are within texts too
+
+
+class Choice(NamedTuple):
+    """What the user says of a file that can be read in several ways."""
+
+    decimal: Decimal | None = None  # mark of its numbers
+    table: int | None = None  # which of its tables with the requested columns, from 1
+
+
+UNSTATED = Choice()
 
 
 class Table(NamedTuple):
@@ -41,58 +55,71 @@ class Table(NamedTuple):
     headers: list[str]
     rows: pd.DataFrame
     above: list[list[str]]
+    sheet: str  # of a workbook
+    place: str  # in its file
 
 
-class _Row(NamedTuple):
-    line: int  # from 1
-    fields: list[str]  # of which numbers have a decimal point, and no marks between thousands
-    numeric: bool  # whether any is a number
+class Tables(NamedTuple):
+    """The tables of a file that have the requested columns, and a sentence on the others."""
+
+    tables: list[Table]
+    unread: tuple[str, ...]
 
 
-def read_table(path: Path, example: str) -> Table:
-    """Read a table of numbers; its entries remain text, with a decimal point.
+def read_tables(path: Path, example: str, fits: Fits, choice: Choice = UNSTATED) -> Tables:
+    """Read the tables of numbers whose header fits; their entries remain text.
 
-    Lines that start with # are ignored, except a header in the last of them. A row of units is
-    joined to the header. Messages name the line, or have the ``example`` of a table.
+    Numbers get a decimal point. Lines that start with # are ignored, except a header in the last of
+    them. A row of units is joined to the header. If no header fits, it is the longest table.
+    Messages name the line, or have the ``example`` of a table.
     """
     if path.suffix.lower() in WORKBOOKS and path.is_file():
-        lines, separator, comma = _workbook_lines(path), "\t", False
+        sheets, separators = _workbook_sheets(path), SEPARATORS[:1]
     else:
         lines = read_text(path).split("\n")
         # Excel states the separator in a first line such as ``sep=;``.
-        if stated := re.fullmatch(r'"?sep=(.)"?', lines[0].strip()):
-            lines[0] = ""
-        separator, comma = _dialect(lines, stated[1] if stated else SEPARATORS)
-    rows = []
-    for number, line in enumerate(lines, 1):
-        if _holds_fields(line):
-            fields = _fields(line, separator)
-            numbers = [_number(field, comma) for field in fields]
-            plain = [number or field for number, field in zip(numbers, fields, strict=True)]
-            rows.append(_Row(number, plain, any(numbers)))
-    first = _first_of_table(rows)
-    if first is None:
+        stated = re.fullmatch(r'"?sep=(.)"?', lines[0].strip())
+        separators = stated[1] if stated else SEPARATORS
+        sheets = {"": partial(text_lines, ["" if stated else lines[0], *lines[1:]])}
+    reading = numeric_reading(str(path), sheets, separators, choice.decimal, fits)
+    taken = reading.tables
+    if not taken:
         raise invalid(str(path), f"has no table of numbers; {example}")
-    headers = _headers(rows, first, lines, separator)
-    if headers is None:
-        begin, incomplete = rows[first], rows[first - 1]
-        if incomplete.line == begin.line - 1:
-            count, next_count = len(incomplete.fields), len(begin.fields)
-            message = f"has {count} fields, and the next line {next_count}; correct the line"
-            if next_count == 2 * count:
-                message += ", or if the decimal mark is a comma, separate columns by semicolons"
-            raise invalid(f"{path}: line {incomplete.line}", message)
-        shown = ", ".join(_fields(lines[begin.line - 1], separator)[:4])
-        raise invalid(str(path), f"has no header above line {begin.line} ({shown}); {example}")
-    width = len(headers)
-    for number, fields, _ in rows[first:]:
-        if any(fields[width:]) or len(fields) < width:
-            named = ", ".join(headers[:6])
-            message = f"has {len(fields)} fields and the header {width} ({named}); correct the line"
-            raise invalid(f"{path}: line {number}", message)
-    texts = takewhile(lambda row: len(row.fields) == width and not row.numeric, rows[:first][::-1])
-    above = [row.fields for row in texts][::-1]
-    return Table(headers, pd.DataFrame([row.fields[:width] for row in rows[first:]]), above)
+    number = choice.table
+    if number is not None:
+        if not 1 <= number <= len(taken):
+            message = f"is not one of the {len(taken)} tables of {path}, at {_places(taken)}"
+            raise invalid(f"table {number}", f"{message}; give one of these")
+        taken = taken[number - 1 : number]
+    others = [
+        block
+        for block in reading.blocks
+        if block not in taken and (block.is_table or block.line > taken[0].line)
+    ]
+    unread = ()
+    if others:
+        unread = (f"{path.name}: {_places(taken)} is read, and not {_places(others)}",)
+    return Tables([_table(path, block, example) for block in taken], unread)
+
+
+def read_table(
+    path: Path, example: str, fits: Fits, choice: Choice = UNSTATED
+) -> tuple[Table, tuple[str, ...]]:
+    """The table of a file whose header fits, and what is not read; InputError if it has several."""
+    tables, unread = read_tables(path, example, fits, choice)
+    if len(tables) > 1:
+        raise several(path, tables)
+    return tables[0], unread
+
+
+def several(path: Path, tables: list[Table]) -> InputError:
+    """The error that one of some tables must be chosen."""
+    shown = "; ".join(
+        f"table {number} at {table.place}, {len(table.rows)} rows from"
+        f" {', '.join(table.rows.iloc[0][:4])}"
+        for number, table in enumerate(tables, 1)
+    )
+    return invalid(str(path), f"has {shown}; give table = NUMBER")
 
 
 def column_numbers(
@@ -109,26 +136,37 @@ def column_numbers(
     return values, [Mistake(f"{path}: column {name}", message)]
 
 
+class Columns(NamedTuple):
+    """Numbers of columns by name, and a sentence on the tables of the file that are not read."""
+
+    numbers: dict[str, Float[np.ndarray, " point"]]
+    unread: tuple[str, ...]
+
+
 def read_columns(
-    path: Path, names: Mapping[str, str | None], example: str, optional: Collection[str] = ()
-) -> dict[str, Float[np.ndarray, " point"]]:
+    path: Path,
+    names: Mapping[str, str | None],
+    example: str,
+    optional: Collection[str] = (),
+    choice: Choice = UNSTATED,
+) -> Columns:
     """Numbers of columns by name, whether or not the header adds a unit in brackets.
 
     ``names`` have the unit of each, or ``None``; ``optional`` columns are read if they are numbers.
     """
-    headers, rows, _ = read_table(path, example)
-    bare = [name_and_unit(header)[0] for header in headers]
-    lower = [header.lower() for header in bare]
+
+    def fits(headers: list[str]) -> bool:
+        return all(_columns_named(headers, name) for name in names)
+
+    (headers, rows, *_), unread = read_table(path, example, fits, choice)
     columns, mistakes = {}, list[Mistake]()
     for name in (*names, *optional):
-        where, spellings = f"{path}: column {name}", (name, name_and_unit(name)[0])
-        pairs = product((headers, bare, lower), spellings)
-        known, wanted = next((pair for pair in pairs if pair[1] in pair[0]), ([], name))
-        if known.count(wanted) == 1:
-            column = known.index(wanted)
+        where, known = f"{path}: column {name}", _columns_named(headers, name)
+        if len(known) == 1:
+            (column,) = known
             columns[name], wrong = column_numbers(path, name, rows[column])
             unit, given = names.get(name), name_and_unit(headers[column])[1]
-            if unit is not None and given and _is_unit(given):
+            if unit is not None and given and is_unit(given):
                 factor, mistaken = unit_factor(where, given, unit, f"such as {unit}")
                 if mistaken or not np.isclose(factor, 1):
                     shown = IN_BRACKETS.findall(headers[column])[-1]
@@ -142,7 +180,18 @@ def read_columns(
         elif wrong:
             columns.pop(name, None)
     raise_if_any(mistakes)
-    return columns
+    return Columns(columns, unread)
+
+
+def _columns_named(headers: list[str], name: str) -> list[int]:
+    """The columns of a name, spelled as in the header, else without units, else in any case."""
+    bare = [name_and_unit(header)[0] for header in headers]
+    lower = [header.lower() for header in bare]
+    spellings = (name, name_and_unit(name)[0])
+    for known, wanted in product((headers, bare, lower), spellings):
+        if wanted in known:
+            return [column for column, header in enumerate(known) if header == wanted]
+    return []
 
 
 def name_and_unit(header: str) -> tuple[str, str]:
@@ -150,7 +199,7 @@ def name_and_unit(header: str) -> tuple[str, str]:
     if match := WITH_UNIT.fullmatch(header):
         return match["name"], match["unit"][1:-1].strip()
     match = BEHIND_WORD.fullmatch(header)
-    return (match["name"], match["unit"]) if match and _is_unit(match["unit"]) else (header, "")
+    return (match["name"], match["unit"]) if match and is_unit(match["unit"]) else (header, "")
 
 
 def unit_factor(where: str, unit: str, target: str, hint: str) -> tuple[float, list[Mistake]]:
@@ -171,106 +220,69 @@ def unit_factor(where: str, unit: str, target: str, hint: str) -> tuple[float, l
     return np.nan, [Mistake(where, f"is in {unit}; give it in a unit {hint}")]
 
 
-def _workbook_lines(path: Path) -> list[str]:
-    """The first sheet of a workbook as lines whose fields are separated by tabs."""
+def _places(blocks: list[Block]) -> str:
+    """Where tables are, such as ``the tables at lines 2 and 66``."""
+    places = [_place(block) for block in blocks]
+    return " and ".join(filter(None, (", ".join(places[:-1]), places[-1])))
+
+
+def _place(block: Block) -> str:
+    return f"line {block.line}" + (f" of sheet {block.sheet}" if block.sheet else "")
+
+
+def _table(path: Path, block: Block, example: str) -> Table:
+    """A table whose rows are as long as its header; InputError names the line that is not."""
+    first, headers = block.rows[0], block.headers
+    if headers is None:
+        for row in reversed(block.above):
+            count, next_count = len(row.fields), len(first.fields)
+            message = f"has {count} fields, and the next line {next_count}; export it again"
+            if next_count == 2 * count:
+                message += ", or if the decimal mark is a comma, with semicolons between columns"
+            raise invalid(f"{path}: line {row.line}", message)
+        shown = ", ".join(first.fields[:4])
+        raise invalid(str(path), f"has no header above line {first.line} ({shown}); {example}")
+    width = len(headers)
+    for row in filter(None, (*block.rows, block.broken)):
+        if any(row.fields[width:]) or len(row.fields) < width:
+            named = ", ".join(headers[:6])
+            message = f"has {len(row.fields)} fields and the header {width} ({named}); export the"
+            raise invalid(f"{path}: line {row.line}", f"{message} record again")
+    rows = pd.DataFrame([row.fields[:width] for row in block.rows])
+    return Table(headers, rows, [row.fields for row in block.above], block.sheet, _place(block))
+
+
+def _workbook_sheets(path: Path) -> dict[str, Callable[[str], list[Line]]]:
+    """The cells of each sheet of a workbook."""
     try:
-        sheet = pd.read_excel(path, header=None, dtype=str, keep_default_na=False)
+        sheets = pd.read_excel(
+            path, sheet_name=None, header=None, dtype=object, keep_default_na=False
+        )
     except ImportError as error:
         message = "is an Excel workbook; export it as CSV, or install openpyxl"
         raise invalid(str(path), message) from error
     except (ValueError, KeyError, OSError, BadZipFile) as error:
         message = "is an Excel workbook that cannot be read; open it, and export it as CSV"
         raise invalid(str(path), message) from error
-    return ["\t".join(row).rstrip("\t") for row in sheet.fillna("").astype(str).to_numpy()]
+    return {name: partial(_sheet_lines, sheet) for name, sheet in sheets.items()}
 
 
-def _holds_fields(line: str) -> bool:
-    return bool(line.strip(" \t;,|")) and not line.lstrip().startswith("#")
-
-
-def _fields(line: str, separator: str) -> list[str]:
-    """Stripped fields of a line; quoted ones may contain the separator."""
-    if separator == " ":
-        return line.split()
-    fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
-    return [field.strip().replace("\u2212", "-") for field in fields]
-
-
-def _number(field: str, comma: bool) -> str:
-    """A number with a decimal point, and no marks between thousands; empty if it is none."""
-    pointed = field.translate(EXCHANGED) if comma else field
-    return pointed.replace(",", "") if NUMBER.fullmatch(pointed) else ""
-
-
-def _dialect(lines: Sequence[str], separators: str) -> tuple[str, bool]:
-    """The separator and whether numbers have a decimal comma: what explains most lines."""
-    sample = [line for line in lines if _holds_fields(line)][-SEEN:]
-
-    def explained(choice: tuple[str, bool]) -> tuple[float, bool, int]:
-        separator, comma = choice
-        rows = [_fields(line, separator) for line in sample]
-        numbers = [[bool(_number(field, comma)) for field in row] for row in rows]
-        shares = [sum(row) / len(row) for row in numbers if len(row) > 1]
-        share = sum(each for each in shares if each >= 0.5)
-        marked = comma and any("," in field for row in rows for field in row)
-        weight = OF_SPACES if separator == " " else 1.0
-        return share * weight, marked or not comma, -SEPARATORS.find(separator)
-
-    return max(product(separators, (True, False)), key=explained)
-
-
-def _first_of_table(rows: Sequence[_Row]) -> int | None:
-    """Index of the first row of the longest table: rows of one length that begin with a number."""
-    first: int | None = None
-    start, length, longest = 0, 0, 0
-    for index, row in enumerate(rows):
-        before = rows[index - 1]
-        # A row without a number ends a table only below a gap, to notice incomplete ones.
-        follows = row.numeric or row.line == before.line + 1
-        if length and len(row.fields) == len(before.fields) and follows:
-            length += 1
+def _sheet_lines(sheet: pd.DataFrame, separator: str) -> list[Line]:
+    """Rows of a sheet without the empty cells at their end, but as long as the text above."""
+    made: list[Line] = []
+    width = 0
+    for number, values in enumerate(sheet.fillna("").to_numpy().tolist(), 1):
+        cells = [value if _is_typed_number(value) else str(value).strip() for value in values]
+        filled = [column for column, cell in enumerate(cells, 1) if cell != ""]
+        if not filled:
+            continue
+        if any(map(_is_typed_number, cells)):
+            made.append((number, cells[: max(filled[-1], width)]))
         else:
-            start, length = index, int(row.numeric)
-        if length > longest:
-            longest, first = length, start
-    return first
+            width = filled[-1]
+            made.append((number, cells[:width]))
+    return made
 
 
-def _headers(
-    rows: Sequence[_Row], first: int, lines: Sequence[str], separator: str
-) -> list[str] | None:
-    """The headers above a table, each with its unit if a row of units follows them."""
-    line, fields, _ = rows[first]
-    nearest = next((each for each in reversed(lines[: line - 1]) if each.strip()), "")
-    if nearest.lstrip().startswith("#"):
-        commented = _fields(nearest.lstrip("# \t"), separator)
-        if len(commented) == len(fields):
-            return commented
-
-    def is_header(row: _Row) -> bool:
-        return not row.numeric and abs(len(row.fields) - len(fields)) <= 1
-
-    above = list(takewhile(is_header, rows[max(first - 2, 0) : first][::-1]))
-    if not above:
-        return None
-    header = above[0].fields
-    given = [field for field in header if field]
-    units = given and all(IN_BRACKETS.fullmatch(field) or _is_unit(field) for field in given)
-    if len(above) > 1 and above[1].line == above[0].line - 1 and units:
-        names = above[1].fields
-        header = [
-            f"{name} [{unit}]" if unit and not IN_BRACKETS.fullmatch(unit) else f"{name} {unit}"
-            for name, unit in zip_longest(names, header[: len(names)], fillvalue="")
-        ]
-    header = [name.strip() for name in header]
-    while header and not header[-1]:
-        header.pop()
-    return header
-
-
-def _is_unit(text: str) -> bool:
-    try:
-        pint.get_application_registry().parse_units(text)
-    except Exception:  # pint raises many types for a text that is not a unit
-        return False
-    return True
+def _is_typed_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

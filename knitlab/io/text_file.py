@@ -6,9 +6,10 @@ import math
 import stat
 from pathlib import Path
 
-from knitlab.io.errors import invalid
+from knitlab.io.errors import InputError, invalid
 from knitlab.io.limits import MAX_SIDE, MAX_STITCHES
 
+BACKSLASH = """a backslash in "…" begins an escape; write the path in '…', or with /"""
 UTF_32 = (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 """Marks of the order of bytes; that of UTF-16 begins that of UTF-32."""
@@ -35,7 +36,7 @@ def read_text(path: Path, max_bytes: float = math.inf) -> str:
             raise invalid(str(path), f"has {size:,} bytes; give at most {max_bytes:,}")
         content = path.read_bytes()
     except OSError as error:
-        raise invalid(str(path), f"cannot be read ({error.strerror}); check the path") from error
+        raise cannot_be_read(path, error) from error
     for begin, message in BINARY.items():
         if content.startswith(begin):
             raise invalid(str(path), message)
@@ -54,6 +55,14 @@ def check_grid(path: Path, rows: int, columns: int, what: str = "stitches") -> N
     if max(rows, columns) > MAX_SIDE or rows * columns > MAX_STITCHES:
         message = f"has {rows:,} rows of {columns:,} {what}; give at most {MAX_STITCHES:,} in all"
         raise invalid(str(path), f"{message} and {MAX_SIDE:,} along each side")
+
+
+def cannot_be_read(path: Path, error: OSError) -> InputError:
+    """The error that there is no file of this path, or none that can be read."""
+    name, hint = str(path), "check the path"
+    if not name.isprintable():  # as in TOML the escape in "data\\tensile.csv" is a tab
+        name, hint = ascii(name), BACKSLASH
+    return invalid(name, f"cannot be read ({error.strerror}); {hint}")
 
 
 def plain_file(path: Path) -> Path:

@@ -1,6 +1,7 @@
 """Input files: the base of their schemas; TOML and JSON read with a message."""
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid, naming
-from knitlab.io.text_file import read_text
+from knitlab.io.text_file import BACKSLASH, read_text
 
 TOML = (".toml",)  # suffix
 Schema = TypeVar("Schema", bound=BaseModel)
@@ -29,7 +30,10 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # the second of nested lists
-        raise invalid(str(path), f"is not TOML ({error}); correct that line") from error
+        line = re.search(r"at line (\d+)", str(error))
+        escaped = line and re.search(r'"[^"]*\\', text.split("\n")[int(line[1]) - 1])
+        hint = BACKSLASH if escaped else "correct that line"
+        raise invalid(str(path), f"is not TOML ({error}); {hint}") from error
 
 
 def read_checked(schema: type[Schema], path: Path, named_by: str = "") -> Schema:

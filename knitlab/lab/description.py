@@ -9,12 +9,15 @@ from pydantic import (
     NonNegativeInt,
     PositiveFloat,
     PositiveInt,
+    SerializerFunctionWrapHandler,
+    model_serializer,
     model_validator,
 )
 
 from knitlab.io.errors import invalid
 from knitlab.io.names import Line
-from knitlab.io.table_file import unit_factor
+from knitlab.io.table_file import Choice, unit_factor
+from knitlab.io.table_readings import Decimal
 from knitlab.io.toml import StrictModel, read_checked
 from knitlab.lab.tracks.track_file import YAxis
 from knitlab.model.stripe import periods_per_patch
@@ -113,20 +116,38 @@ class ProtocolTable(StrictModel):
         return even_strains(self.strain_max, self.strain_step)
 
 
-class TensileTable(StrictModel):
-    """``[tensile]``: the log of the machine, whose clock is the reference for all records."""
+class RecordFile(StrictModel):
+    """A file of records, and which of its readings is meant if there are several."""
 
     file: Text
+    decimal: Decimal | None = None
+    table: PositiveInt | None = None  # of those with the columns
+
+    @property
+    def choice(self) -> Choice:
+        """What is stated of its reading."""
+        return Choice(self.decimal, self.table)
+
+    @model_serializer(mode="wrap")
+    def _without_choice(self, serialised: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Omit what is not stated, as case identifiers depend on the text of a description."""
+        values = serialised(self)
+        unset = [name for name in ("decimal", "table") if values[name] is None]
+        return {name: value for name, value in values.items() if name not in unset}
+
+
+class TensileTable(RecordFile):
+    """``[tensile]``: the log of the machine, whose clock is the reference for all records."""
+
     time: Annotated[Column, _in("s")]
     extension: Annotated[Column, _in("mm")]
     force: Annotated[Column, _in("N")]
     trigger: PlainColumn | None = None
 
 
-class CapacitanceTable(StrictModel):
+class CapacitanceTable(RecordFile):
     """``[capacitance]``: the log of an LCR meter, and how its clock is that of the machine."""
 
-    file: Text
     starts: Time | None = None  # the machine's time at which the clock was at 0
     time: Annotated[Column, _in("s")]
     capacitance: Annotated[Column, _in("pF")]

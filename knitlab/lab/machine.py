@@ -36,6 +36,7 @@ class Pulls:
     length: float  # relaxed, between the clamps [mm]
     cycles: list[Cycle]
     dropped: int = 0  # records that are no measurement
+    unread: tuple[str, ...] = ()  # sentences on what else its file has
 
     def strain(self, time: Record) -> Record:
         """Applied strain at times of the machine's clock; NaN before and after its log."""
@@ -57,7 +58,7 @@ def read_tensile(folder: Path, description: Description) -> Imports:
         force, error, _ = resampled(strains, strain, pulls.force[pulled])
         in_cycle = {"reaction_force": force, "reaction_force_error": error}
         values.append(in_cycle | {"force_per_width": force / width})
-    return values, [pulls.summary]
+    return values, [pulls.summary, *pulls.unread]
 
 
 def read_pulls(folder: Path, description: Description) -> Pulls:
@@ -65,7 +66,7 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
     table, protocol = description.tensile, description.protocol
     assert table is not None  # as read_description checks
     path, length = folder / table.file, description.sample.length.to("mm")
-    log, triggered, dropped = _read_log(path, table)
+    log, triggered, dropped, unread = _read_log(path, table)
     pulls = cycles(log["time"], log["extension"], protocol.least_turn)[protocol.skip_cycles :]
     column = f"{path}: column {table.extension.column}"
     if not pulls:
@@ -90,7 +91,8 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
     if np.ptp(force) > 0 and np.corrcoef(strain, force)[0, 1] < 0:
         message = "falls as the sample is pulled; give tension as positive"
         raise invalid(f"{path}: column {table.force.column}", message)
-    return Pulls(**log, triggered=triggered, length=length, cycles=pulls, dropped=dropped)
+    found = {"length": length, "cycles": pulls, "dropped": dropped, "unread": unread}
+    return Pulls(**log, triggered=triggered, **found)
 
 
 def read_capacitance(folder: Path, description: Description) -> Imports:
@@ -98,7 +100,7 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
     table, pulls = description.capacitance, read_pulls(folder, description)
     assert table is not None  # as read_description checks
     path = folder / table.file
-    log, triggered, dropped = _read_log(path, table)
+    log, triggered, dropped, unread = _read_log(path, table)
     lowest = log["capacitance"].min()
     if not lowest > 0:
         message = f"goes down to {lowest:g} pF, but a capacitance is above 0; correct its zero"
@@ -136,17 +138,19 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
 
     shift = f"the meter's clock is {starts:+.3g} s from the machine's"
     remarks = [f"{dropped} {LEFT_OUT}"] if dropped else []
-    return [cycle_values(cycle) for cycle in pulls.cycles], [pulls.summary, shift, *remarks]
+    summary = [pulls.summary, *pulls.unread, shift, *remarks, *unread]
+    return [cycle_values(cycle) for cycle in pulls.cycles], summary
 
 
 def _read_log(
     path: Path, table: TensileTable | CapacitanceTable
-) -> tuple[dict[str, Record], float, int]:
-    """Columns in :data:`COLUMN_UNITS`, when a trigger rose, and how many rows are bad."""
+) -> tuple[dict[str, Record], float, int, tuple[str, ...]]:
+    """Columns in :data:`COLUMN_UNITS`, when a trigger rose, how many rows are bad, and the rest."""
     names, is_meter = (*COLUMN_UNITS, "trigger", STATUS), isinstance(table, CapacitanceTable)
     columns = {name: column for name in names if (column := getattr(table, name, None))}
     units = {column.column: getattr(column, "unit", None) for column in columns.values()}
-    numbers = read_columns(path, units, EXAMPLE, optional=(STATUS,) if is_meter else ())
+    optional = (STATUS,) if is_meter else ()
+    numbers, unread = read_columns(path, units, EXAMPLE, optional, table.choice)
     good = np.all([np.abs(numbers[name]) < OVERLOAD for name in units], axis=0)
     if is_meter:
         status = columns[STATUS].column if STATUS in columns else STATUS
@@ -174,4 +178,4 @@ def _read_log(
             message = "does not begin low and rise; give starts instead"
             raise invalid(f"{path}: column {table.trigger.column}", message)
         triggered = float(time[risen.argmax()])
-    return values, triggered, int((~good).sum())
+    return values, triggered, int((~good).sum()), unread

@@ -283,7 +283,7 @@ def _marker_grid(
         if places is None:
             return find_grid(first)
         names = ("marker", "row", "column")
-        table = read_columns(places, dict.fromkeys(names), POSITIONS_EXAMPLE)
+        table = read_columns(places, dict.fromkeys(names), POSITIONS_EXAMPLE).numbers
         marker, row, column = (whole_numbers(places, name, table[name]) for name in names)
         if marker.max() >= len(first):
             message = f"names marker {marker.max()}, but there are {len(first)}, counted from 0"

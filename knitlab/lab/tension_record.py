@@ -1,5 +1,6 @@
 """Records of a testing machine on a pure fabric: repeats, cycles and noise become curves."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -8,7 +9,16 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from knitlab.io.errors import Mistake, invalid, raise_if_any
-from knitlab.io.table_file import column_numbers, name_and_unit, read_table, unit_factor
+from knitlab.io.table_file import (
+    Choice,
+    Table,
+    column_numbers,
+    name_and_unit,
+    read_tables,
+    several,
+    unit_factor,
+)
+from knitlab.io.table_readings import Decimal
 from knitlab.lab.record_start import Zero, loading_start, start_correction
 from knitlab.lab.records import Record, cycles, resampled
 
@@ -38,6 +48,8 @@ NAMES = {
     ),
 }
 """Names of columns, in lower case; others, such as time and cycle, are not read."""
+ALONG = ("strain", "extension")
+LOADS = ("force", "stress")
 OF_ONE_SWATCH = ("repeat", "wiederholung")  # several repeats of one swatch, not several swatches
 TARGETS = {
     "strain": ("1", "such as [1] or [%], or name it extension if it is one"),
@@ -109,23 +121,29 @@ def read_tension_record(
     cycle: int = 1,
     zero: Zero | None = None,
     preload: float | None = None,
+    decimal: Decimal | None = None,
+    table: int | None = None,
 ) -> TensionRecord:
     """Read what a testing machine writes: strain or extension, and force or stress, in any unit.
 
-    A column ``repeat`` separates several specimens. Of each, the loading branch of one cycle is
-    taken, and negative strains are left out. Records that are repeated, or not ascending, are
+    A column ``repeat`` separates several specimens; tables of the same columns below each other are
+    read as repeats. Of each, the loading branch of one cycle is taken, and negative strains are
+    left out. Records that are repeated, or not ascending, are
     resampled at evenly spaced strains that all repeats reach.
 
     Args:
         path: the record, a table whose header has the units.
         gauge_length: relaxed length between the clamps, for a column of extension [mm].
         width: of the swatch [mm]; without it, force is that on one row of the network.
-        thickness: of the fabric, for stress over the cross-section [mm].
+        thickness: of the fabric, for stress over the cross-section [mm]. In a file with force and
+            stress, width or thickness says which is read.
         cycle: the cycle whose loading is taken.
         zero: what is subtracted from the force: ``"none"``, nothing; ``"start"``, the force of each
             repeat at zero strain, less the preload; or a number [N].
         preload: tension at which the record began [N]; strains are then counted from the relaxed
             length, which follows from the curve.
+        decimal: the decimal mark of the file, ``"."`` or ``","``, if its numbers do not show it.
+        table: which table is read, from 1, of a file with several.
 
     Returns:
         The curve of each repeat; its summary says what was subtracted and how strains were moved.
@@ -140,7 +158,7 @@ def read_tension_record(
         (5, 40)
     """
     lengths = {"extension": gauge_length, "force": width, "stress": thickness}
-    records = _read(Path(path), lengths, zero, preload)
+    records = _read(Path(path), lengths, zero, preload, Choice(decimal, table))
     branches, left_out = [], 0
     for repeat, (strain, force) in records.repeats.items():
         column = f"{path}: column strain" + (f", repeat {repeat}" if repeat != "1" else "")
@@ -184,6 +202,8 @@ def read_cycles(
     thickness: float | None = None,
     zero: Zero | None = None,
     preload: float | None = None,
+    decimal: Decimal | None = None,
+    table: int | None = None,
 ) -> LoadingCycles:
     """Read every loading and unloading of one swatch, its repeats one after another.
 
@@ -193,7 +213,8 @@ def read_cycles(
     ``specimen``, is refused.
     """
     lengths = {"extension": gauge_length, "force": width, "stress": thickness}
-    records = _read(Path(path), lengths, zero, preload, one_swatch=True)
+    choice = Choice(decimal, table)
+    records = _read(Path(path), lengths, zero, preload, choice, one_swatch=True)
     passages = list[Passage]()
     for strain, force in records.repeats.values():
         at, pulled = strain[strain >= 0], force[strain >= 0]
@@ -222,10 +243,11 @@ def _read(
     lengths: dict[str, float | None],
     zero: Zero | None,
     preload: float | None,
+    choice: Choice,
     *,
     one_swatch: bool = False,
 ) -> _Records:
-    columns = _columns(path, lengths)
+    columns = _columns(path, lengths, choice, one_swatch=one_swatch)
     if one_swatch and len(columns.repeats) > 1 and columns.repeat_name not in OF_ONE_SWATCH:
         message = "has several swatches, and cycles are of one; give one, in a column repeat"
         raise invalid(f"{path}: column {columns.repeat_name}", message)
@@ -246,17 +268,45 @@ def _read(
         for repeat, (strain, force) in columns.repeats.items()
     }
     per_width = columns.load == "stress" or lengths["force"] is not None
-    return _Records(corrected, per_width, correction.summary)
+    return _Records(corrected, per_width, (*columns.summary, *correction.summary))
 
 
 class _Columns(NamedTuple):
     repeats: dict[str, tuple[Record, Record]]  # strain and load of each, as recorded
     repeat_name: str  # of the column of repeats, in lower case
     load: str  # force or stress
+    summary: tuple[str, ...]  # which columns and tables are read, where there are others
 
 
-def _columns(path: Path, lengths: dict[str, float | None]) -> _Columns:
-    headers, table, _ = read_table(path, EXAMPLE)
+def _columns(
+    path: Path, lengths: dict[str, float | None], choice: Choice, *, one_swatch: bool
+) -> _Columns:
+    """Strain and load of a table, or of several of the same columns in one sheet, as repeats."""
+    tables, unread = read_tables(path, EXAMPLE, _has_curve, choice)
+    forms = {(table.sheet, *table.headers) for table in tables}
+    if len(tables) > 1 and (one_swatch or len(forms) > 1):
+        raise several(path, tables)
+    read = [_columns_of_table(path, table, lengths) for table in tables]
+    first, summary = read[0], (*read[0].summary, *unread)
+    if len(read) == 1:
+        return first._replace(summary=summary)
+    repeats = {
+        f"{number}.{repeat}" if len(columns.repeats) > 1 else f"{number}": curve
+        for number, columns in enumerate(read, 1)
+        for repeat, curve in columns.repeats.items()
+    }
+    places = ", ".join(table.place for table in tables)
+    message = f"{len(tables)} tables of the same columns are read as repeats: {places}"
+    return first._replace(repeats=repeats, summary=(message, *summary))
+
+
+def _has_curve(headers: list[str]) -> bool:
+    kinds = {_kind(*name_and_unit(header)) for header in headers}
+    return bool(kinds & set(ALONG)) and bool(kinds & set(LOADS))
+
+
+def _columns_of_table(path: Path, read: Table, lengths: dict[str, float | None]) -> _Columns:
+    headers, table = read.headers, read.rows
     columns: dict[str, tuple[int, str, str]] = {}
     mistakes = []
     for number, header in enumerate(headers):
@@ -272,17 +322,20 @@ def _columns(path: Path, lengths: dict[str, float | None]) -> _Columns:
             message += "; keep one; write specimens below each other, with a column repeat"
             mistakes.append(Mistake(f"{path}: column {name}", message))
         columns[kind] = number, unit, name
-    along = "strain" if "strain" in columns else "extension"
-    loads = [name for name in ("force", "stress") if name in columns]
-    if along not in columns:
+    along, load = _chosen(columns, lengths)
+    if along is None:
         message = f"is missing; the file has {', '.join(headers)}; {EXAMPLE}"
         mistakes.append(Mistake(f"{path}: column strain", message))
-    if len(loads) != 1:
-        absent = f"has neither; it has {', '.join(headers)}; {EXAMPLE}"
-        message = "has both; keep one" if loads else absent
+    if load is None:
+        message = f"has neither; it has {', '.join(headers)}; {EXAMPLE}"
+        if columns.keys() & set(LOADS):
+            force, stress = (columns[kind][2] for kind in LOADS)
+            message = f"has both; give width = WIDTH alone to read {force}, or give thickness ="
+            message += f" THICKNESS alone to read {stress}"
         mistakes.append(Mistake(f"{path}: columns force and stress", message))
     raise_if_any(mistakes)
-    (load,) = loads
+    assert along is not None
+    assert load is not None
     values = []
     for kind in (along, load):
         (number, unit, name), size = columns[kind], lengths.get(kind)
@@ -296,18 +349,36 @@ def _columns(path: Path, lengths: dict[str, float | None]) -> _Columns:
         scale = size or 1.0
         values.append(numbers * factor * (scale if kind == "stress" else 1 / scale))
     for other, name in (("stress", "thickness"), ("force", "width")):
-        if other != load and (size := lengths[other]) is not None:
+        if other not in columns and (size := lengths[other]) is not None:
             message = f"is for {other}, but the record holds {load}; leave it out"
             mistakes.append(Mistake(f"{name} {size:g}", message))
     raise_if_any(mistakes)
+    beside = [
+        f"{columns[kind][2]} is read, and not {columns[other][2]}"
+        for kind, kinds in ((along, ALONG), (load, LOADS))
+        for other in kinds
+        if other != kind and other in columns
+    ]
     strain, force = values
     if "repeat" not in columns:
-        return _Columns({"1": (strain, force)}, "", load)
+        return _Columns({"1": (strain, force)}, "", load, tuple(beside))
     number, _, name = columns["repeat"]
     repeats = table[number].to_numpy(str)
     owned = {repeat: repeats == repeat for repeat in dict.fromkeys(repeats.tolist())}
     by_repeat = {repeat: (strain[own], force[own]) for repeat, own in owned.items()}
-    return _Columns(by_repeat, name.lower(), load)
+    return _Columns(by_repeat, name.lower(), load, tuple(beside))
+
+
+def _chosen(
+    columns: Collection[str], lengths: dict[str, float | None]
+) -> tuple[str | None, str | None]:
+    """Which columns are the strain and the load; of two, that whose length is given."""
+    along, loads = ([kind for kind in kinds if kind in columns] for kinds in (ALONG, LOADS))
+    given = [kind for kind in loads if lengths[kind] is not None]
+    if len(along) > 1 and lengths["extension"] is not None:
+        along = ["extension"]
+    loads = given if len(loads) > 1 else loads
+    return next(iter(along), None), loads[0] if len(loads) == 1 else None
 
 
 def _kind(name: str, unit: str) -> str | None:

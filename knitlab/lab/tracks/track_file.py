@@ -48,7 +48,7 @@ class TrackFile:
     @cached_property
     def table(self) -> Table:
         """Its table; entries are text."""
-        return read_table(self.path, EXAMPLE)
+        return read_table(self.path, EXAMPLE)[0]
 
     def table_with(self, *columns: str) -> Table | None:
         """Its table, with lower-case headers from the row that has all these columns."""

@@ -3,7 +3,7 @@
 from numpy.lib.format import open_memmap
 
 from knitlab.io.errors import invalid, shortened
-from knitlab.io.text_file import plain_file
+from knitlab.io.text_file import cannot_be_read, plain_file
 from knitlab.lab.tracks.track_file import TrackFile, TrackFormat, Tracks
 
 
@@ -14,7 +14,7 @@ def _read(file: TrackFile) -> Tracks | None:
     try:
         tracks = open_memmap(plain_file(path), mode="r")  # which compares sizes
     except OSError as error:
-        raise invalid(str(path), f"cannot be read ({error.strerror}); check the path") from error
+        raise cannot_be_read(path, error) from error
     except Exception as error:  # numpy raises many types of a damaged header
         why = shortened(" ".join(str(error).split()))
         message = f"is not a complete .npy array ({why}); save it with numpy.save"
