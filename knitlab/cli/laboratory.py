@@ -74,13 +74,13 @@ def calibrate(record: Path, knit: Any, stitches: int, **arguments: Any) -> None:
     """Fit k_s, k_t and theta_0 of a stripe to the RECORD of a tensile test of its pure fabric.
 
     RECORD is a CSV file with a header such as "repeat [1],extension [mm],force [N]": strain, or
-    extension with --gauge-length, and the force on a swatch of this --width, or the stress. Several
-    repeats, in a column or in tables below each other, give one curve; of cycles, one loading
-    branch is taken. Of force and stress, --width reads the force and --thickness the stress;
-    without --width, the force is that on one row of the network. Pull until the folds are open and the springs stretch, to about
-    200 % strain: below that the three cannot be determined separately. --along adds the springs
-    along the ridges; without it they are those of the other knit, and far too stiff. After the fit
-    the swatch is simulated and compared with its record.
+    extension with --gauge-length, and the force on a swatch of this --width, or the stress. Of
+    force and stress, --width reads the force and --thickness the stress. Several repeats, in a
+    column or in tables below each other, give one curve; of cycles, one loading branch is taken.
+    Without --width, the force is that on one row of the network. Pull until the folds are open and
+    the springs stretch, to about 200 % strain: below that the three cannot be determined
+    separately. --along adds the springs along the ridges; without it they are those of the other
+    knit, and far too stiff. After the fit the swatch is simulated and compared with its record.
     """
     from knitlab.api.laboratory import calibrate_stripe
 
