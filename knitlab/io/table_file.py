@@ -5,8 +5,7 @@ header are left out. What is ambiguous or incomplete is an error that names the 
 """
 
 import re
-from collections.abc import Callable, Collection, Mapping
-from functools import partial
+from collections.abc import Collection, Mapping
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -25,9 +24,9 @@ from knitlab.io.table_readings import (
     Decimal,
     Fits,
     Line,
+    Source,
     is_unit,
     numeric_reading,
-    text_lines,
 )
 from knitlab.io.text_file import read_text
 
@@ -73,15 +72,15 @@ def read_tables(path: Path, example: str, fits: Fits, choice: Choice = UNSTATED)
     them. A row of units is joined to the header. If no header fits, it is the longest table.
     Messages name the line, or have the ``example`` of a table.
     """
+    separators = SEPARATORS
     if path.suffix.lower() in WORKBOOKS and path.is_file():
-        sheets, separators = _workbook_sheets(path), SEPARATORS[:1]
+        source: Source = _workbook_sheets(path)
     else:
-        lines = read_text(path).split("\n")
+        source = lines = read_text(path).split("\n")
         # Excel states the separator in a first line such as ``sep=;``.
-        stated = re.fullmatch(r'"?sep=(.)"?', lines[0].strip())
-        separators = stated[1] if stated else SEPARATORS
-        sheets = {"": partial(text_lines, ["" if stated else lines[0], *lines[1:]])}
-    reading = numeric_reading(str(path), sheets, separators, choice.decimal, fits)
+        if stated := re.fullmatch(r'"?sep=(.)"?', lines[0].strip()):
+            lines[0], separators = "", stated[1]
+    reading = numeric_reading(str(path), source, separators, choice.decimal, fits)
     taken = reading.tables
     if not taken:
         raise invalid(str(path), f"has no table of numbers; {example}")
@@ -97,8 +96,9 @@ def read_tables(path: Path, example: str, fits: Fits, choice: Choice = UNSTATED)
         if block not in taken and (block.is_table or block.line > taken[0].line)
     ]
     unread = ()
-    if others:
-        unread = (f"{path.name}: {_places(taken)} is read, and not {_places(others)}",)
+    if others or (len(source) > 1 and isinstance(source, dict)):
+        left = f"; not read: {_places(others)}" if others else ""
+        unread = (f"{path.name}: the table at {_places(taken)} is read{left}",)
     return Tables([_table(path, block, example) for block in taken], unread)
 
 
@@ -221,7 +221,7 @@ def unit_factor(where: str, unit: str, target: str, hint: str) -> tuple[float, l
 
 
 def _places(blocks: list[Block]) -> str:
-    """Where tables are, such as ``the tables at lines 2 and 66``."""
+    """Where tables are, such as ``line 2 and line 66``."""
     places = [_place(block) for block in blocks]
     return " and ".join(filter(None, (", ".join(places[:-1]), places[-1])))
 
@@ -252,7 +252,7 @@ def _table(path: Path, block: Block, example: str) -> Table:
     return Table(headers, rows, [row.fields for row in block.above], block.sheet, _place(block))
 
 
-def _workbook_sheets(path: Path) -> dict[str, Callable[[str], list[Line]]]:
+def _workbook_sheets(path: Path) -> dict[str, list[Line]]:
     """The cells of each sheet of a workbook."""
     try:
         sheets = pd.read_excel(
@@ -264,10 +264,10 @@ def _workbook_sheets(path: Path) -> dict[str, Callable[[str], list[Line]]]:
     except (ValueError, KeyError, OSError, BadZipFile) as error:
         message = "is an Excel workbook that cannot be read; open it, and export it as CSV"
         raise invalid(str(path), message) from error
-    return {name: partial(_sheet_lines, sheet) for name, sheet in sheets.items()}
+    return {name: _sheet_lines(sheet) for name, sheet in sheets.items()}
 
 
-def _sheet_lines(sheet: pd.DataFrame, separator: str) -> list[Line]:
+def _sheet_lines(sheet: pd.DataFrame) -> list[Line]:
     """Rows of a sheet without the empty cells at their end, but as long as the text above."""
     made: list[Line] = []
     width = 0

@@ -7,7 +7,7 @@ remarks do not count. If two readings with different numbers remain, the error s
 import csv
 import re
 from collections.abc import Callable, Sequence
-from itertools import takewhile, zip_longest
+from itertools import product, takewhile, zip_longest
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -17,13 +17,20 @@ from jaxtyping import Float
 from knitlab.io.errors import invalid
 
 SEPARATORS = ",;\t| "  # of columns; any number of spaces is one separator
-NUMBER = re.compile(
-    r"[+-]?([1-9]\d{0,2}(,\d{3})+(\.\d*)?|(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?)", re.IGNORECASE
-)
-"""A number with a decimal point, and perhaps commas between thousands."""
 BETWEEN = " \t;,|"  # characters of a line without fields
-EXCHANGED = str.maketrans(".,", ",.")
+NUMBERS = {
+    mark == ",": re.compile(
+        rf"[+-]?([1-9]\d{{0,2}}({thousands}\d{{3}})+({mark}\d*)?"
+        rf"|(\d+({mark}\d*)?|{mark}\d+)(e[+-]?\d+)?)",
+        re.IGNORECASE,
+    )
+    for mark, thousands in ((r"\.", ","), (",", r"\."))
+}
+"""Numbers, perhaps with marks between thousands, by whether the decimal mark is a comma."""
+NUMBER = NUMBERS[False]
 IN_BRACKETS = re.compile(r"\([^()]*\)|\[[^\[\]]*\]")
+SAMPLED = 400  # lines that decide which separators and marks are tried
+PLAUSIBLE = 0.5  # score of these, over the best
 LAST_ROWS = 9  # of a table, whose steps tell whether the next row continues it
 CONTINUED = 2.0  # largest step to a row that continues a table, over these steps
 THOUSAND = 1000.0  # from which numbers may have marks between thousands
@@ -33,6 +40,7 @@ Decimal = Literal[".", ","]
 Fits = Callable[[list[str]], bool]  # whether a header has the requested columns
 Cell = str | float  # of a workbook; those of text are strings
 Line = tuple[int, list[Cell]]  # the number of a line, from 1, and its fields
+Source = list[str] | dict[str, list[Line]]  # lines of text, or the sheets of a workbook by name
 
 
 class Row(NamedTuple):
@@ -42,6 +50,7 @@ class Row(NamedTuple):
     fields: list[str]
     numbers: int
     texts: int  # fields that are neither numbers nor empty
+    numeric: bool  # whether any is a number with one of the decimal marks
 
 
 class Block(NamedTuple):
@@ -72,31 +81,21 @@ class Reading(NamedTuple):
     @property
     def score(self) -> float:
         """The number of numbers in its tables, in rows with texts less."""
-        return sum(map(_score, self.tables))
+        return sum(_score(row) for table in self.tables for row in table.rows)
 
 
 def numeric_reading(
-    where: str,
-    sheets: dict[str, Callable[[str], list[Line]]],
-    separators: str,
-    decimal: Decimal | None,
-    fits: Fits,
+    where: str, source: Source, separators: str, decimal: Decimal | None, fits: Fits
 ) -> Reading:
-    """The reading that the numbers support; InputError shows two that they both support.
-
-    ``sheets`` have, by name, what separates their lines.
-    """
+    """The reading that the numbers support; InputError shows two that they both support."""
     marks = [False, True] if decimal is None else [decimal == ","]
-    readings = []
-    for separator in separators:
-        lines = {name: split(separator) for name, split in sheets.items()}
-        marked = separator != "," or any(
-            isinstance(cell, str) and "," in cell
-            for sheet in lines.values()
-            for _, cells in sheet
-            for cell in cells
-        )
-        readings += [_reading(lines, comma, fits) for comma in marks if marked or not comma]
+    if isinstance(source, list):
+        pairs = _plausible(source, list(product(separators, marks)))
+        readings = [
+            _reading({"": text_lines(source, separator)}, comma, fits) for separator, comma in pairs
+        ]
+    else:
+        readings = [_reading(source, comma, fits) for comma in marks]
 
     def rank(reading: Reading) -> tuple[bool, float]:
         return reading.fits, round(reading.score, 6)
@@ -108,6 +107,19 @@ def numeric_reading(
     return taken
 
 
+def _plausible(lines: list[str], pairs: list[tuple[str, bool]]) -> list[tuple[str, bool]]:
+    """Separators and decimal marks that are not far worse than the best in the last lines."""
+    sample = [line for line in lines if line.strip(BETWEEN)][-SAMPLED:]
+    # Where columns are separated by commas, a decimal comma is in quotes.
+    pairs = [pair for pair in pairs if pair != (",", True) or any('"' in line for line in lines)]
+    scores = [
+        sum(_score(row) for row in _rows(text_lines(sample, separator), comma) if row.fields[1:])
+        for separator, comma in pairs
+    ]
+    least = PLAUSIBLE * max(scores)
+    return [pair for pair, score in zip(pairs, scores, strict=True) if score >= least]
+
+
 def _reading(sheets: dict[str, list[Line]], comma: bool, fits: Fits) -> Reading:
     blocks = [
         block._replace(sheet=name)
@@ -115,11 +127,12 @@ def _reading(sheets: dict[str, list[Line]], comma: bool, fits: Fits) -> Reading:
         for block in _blocks(_rows(lines, comma), fits)
     ]
     fitting = [block for block in blocks if block.headers and fits(block.headers)]
-    return Reading(comma, blocks, bool(fitting), fitting or sorted(blocks, key=_score)[-1:])
+    longest = sorted(blocks, key=lambda block: sum(map(_score, block.rows)))[-1:]
+    return Reading(comma, blocks, bool(fitting), fitting or longest)
 
 
-def _score(block: Block) -> float:
-    return sum(row.numbers**2 / (row.numbers + row.texts) for row in block.rows if row.numbers)
+def _score(row: Row) -> float:
+    return row.numbers**2 / (row.numbers + row.texts) if row.numbers else 0.0
 
 
 def _supported(where: str, one: Reading, other: Reading) -> Reading:
@@ -212,7 +225,9 @@ def _rows(lines: Sequence[Line], comma: bool) -> list[Row]:
         numbers = [_number(cell, comma) for cell in cells]
         fields = [number or str(cell) for number, cell in zip(numbers, cells, strict=True)]
         count = sum(map(bool, numbers))
-        rows.append(Row(line, fields, count, sum(map(bool, fields)) - count))
+        # That remarks do not decide on the mark, tables have the same lines with each.
+        numeric = count > 0 or any(_number(cell, not comma) for cell in cells)
+        rows.append(Row(line, fields, count, sum(map(bool, fields)) - count, numeric))
     return rows
 
 
@@ -222,63 +237,72 @@ def _number(cell: Cell, comma: bool = False) -> str:
         return repr(cell)
     if cell.isdecimal():
         return cell
-    pointed = cell.translate(EXCHANGED) if comma else cell
-    return pointed.replace(",", "") if NUMBER.fullmatch(pointed) else ""
+    if not NUMBERS[comma].fullmatch(cell):
+        return ""
+    return cell.replace(".", "").replace(",", ".") if comma else cell.replace(",", "")
 
 
 def _blocks(rows: Sequence[Row], fits: Fits) -> list[Block]:
     """The tables of a sheet in their order."""
     blocks: list[Block] = []
-    texts: list[Row] = []  # rows without a number since the last one with some
+    texts: list[Row] = []  # rows without numbers, or with a label, since the last other one
     for row in rows:
-        if not row.numbers:
+        block = blocks[-1] if blocks else None
+        if not row.numeric or (block is not None and _is_labelled(row, block)):
             texts.append(row)
             continue
-        block = blocks[-1] if blocks else None
-        if block is not None and len(row.fields) == len(block.rows[-1].fields):
-            if _directly_below(block, texts, row, fits):
-                block.rows.extend([*texts, row])
-            elif _continues(block.rows, texts, row):
-                block.rows.append(row)
+        entries = [] if block is None else _entries(block, texts, fits)
+        if block is None:
+            blocks.append(_begun(row, texts, blocks, fits))
+        elif len(row.fields) == len(block.rows[-1].fields):
+            if _continues(block, texts, entries, row, fits):
+                block.rows.extend([*entries, row])
             else:
                 blocks.append(_begun(row, texts, blocks, fits))
-        elif block is not None and _is_part(row, block.rows[-1]):
+        elif block.headers and row.line == block.rows[-1].line + 1:
             blocks[-1] = block._replace(broken=block.broken or row)
         else:
             blocks.append(_begun(row, texts, blocks, fits))
         texts = []
+    if blocks:
+        blocks[-1].rows.extend(_entries(blocks[-1], texts, fits))
     return blocks
 
 
-def _directly_below(block: Block, texts: list[Row], row: Row, fits: Fits) -> bool:
-    """Whether a row and rows without a number before it, such as ``nan``, go on with a table."""
-    headers = block.headers or []
-    if row.line - block.rows[-1].line != len(texts) + 1:
-        return False
-    return not texts or all(
-        headers
-        and len(text.fields) == len(row.fields)
+def _is_labelled(row: Row, block: Block) -> bool:
+    """Whether a row begins with a text where the table has numbers, as in ``Specimen;2``."""
+    first = row.fields[0]
+    numbers = bool(block.headers) and _is_number(block.rows[-1].fields[0])
+    return numbers and bool(first) and not _is_number(first)
+
+
+def _entries(block: Block, texts: list[Row], fits: Fits) -> list[Row]:
+    """The rows of text, if they are entries of a table that directly follow, such as ``nan``."""
+    headers, last = block.headers, block.rows[-1]
+    if headers and all(
+        text.line == line
+        and len(text.fields) == len(last.fields)
         and not fits(text.fields)
         and not all(map(str.startswith, headers, text.fields))
-        for text in texts
-    )
+        for line, text in enumerate(texts, last.line + 1)
+    ):
+        return texts
+    return []
 
 
-def _is_part(row: Row, before: Row) -> bool:
-    """Whether a row of another length, directly below, is an incomplete one."""
-    labelled = _is_number(before.fields[0]) and not _is_number(row.fields[0])
-    return row.line == before.line + 1 and not labelled
-
-
-def _continues(rows: list[Row], texts: list[Row], row: Row) -> bool:
-    """Whether a row below a gap or a remark continues the first column of numbers of a table."""
+def _continues(block: Block, texts: list[Row], entries: list[Row], row: Row, fits: Fits) -> bool:
+    """Whether a row continues a table: directly, or below a gap or a remark by its numbers."""
+    rows = block.rows
+    if row.line == rows[-1].line + 1:
+        return True
     last = [number for number in map(_first_number, rows[-LAST_ROWS:]) if number is not None]
     number = _first_number(row)
     if number is None or not last:
         return False
     reach = CONTINUED * float(np.abs(np.diff(last)).max(initial=0.0))
-    if texts:
-        return last[-1] < number <= last[-1] + reach
+    if texts and not entries:
+        new = last[-1] < number <= last[-1] + reach
+        return new and block.headers is not None and fits(block.headers)
     return number >= last[-1] - reach
 
 
@@ -292,6 +316,8 @@ def _begun(row: Row, texts: list[Row], blocks: list[Block], fits: Fits) -> Block
     near = list(takewhile(lambda text: abs(len(text.fields) - width) <= 1, texts[-2:][::-1]))
     headers = _headers(near)
     own = headers is not None and fits(headers)
+    if near and not own and fits(near[0].fields):  # as names may be those of units, too
+        headers, own = near[0].fields, True
     line = texts[0].line if texts else row.line
     for before in [] if own else reversed(blocks):
         inherited = before.headers if len(before.rows[0].fields) == width else None

@@ -28,6 +28,7 @@ Towards = Literal["right", "left", "up", "down"]
 RecordKind = Literal["markers", "tensile", "capacitance"]
 UNITS = {"mm": "length", "s": "time", "Hz": "frequency", "N": "force", "pF": "capacitance"}
 """Units that knitlab uses, and what each measures."""
+LATER = ("decimal", "table", "first_frame")  # keys that descriptions did not have at first
 Text = Annotated[str, Field(min_length=1)]
 
 
@@ -129,11 +130,10 @@ class RecordFile(StrictModel):
         return Choice(self.decimal, self.table)
 
     @model_serializer(mode="wrap")
-    def _without_choice(self, serialised: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Omit what is not stated, as case identifiers depend on the text of a description."""
-        values = serialised(self)
-        unset = [name for name in ("decimal", "table") if values[name] is None]
-        return {name: value for name, value in values.items() if name not in unset}
+    def _without_later_keys(self, serialised: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Omit later keys that are not stated, as case identifiers depend on the text."""
+        values = serialised(self).items()
+        return {key: value for key, value in values if key not in LATER or value is not None}
 
 
 class TensileTable(RecordFile):
@@ -161,11 +161,12 @@ class CapacitanceTable(RecordFile):
         return self
 
 
-class MarkersTable(StrictModel):
-    """``[markers]``: tracked points, in pixels, x to the right."""
+class MarkersTable(RecordFile):
+    """``[markers]``: tracked points, in pixels, x to the right.
 
-    # One of the formats in knitlab.lab.tracks.
-    file: Text
+    The file has one of the formats in knitlab.lab.tracks.
+    """
+
     starts: Time | None = None  # the machine's time at frame 0
     pixel: Length
     y_axis: YAxis | None = None  # which way y counts in the picture; by default as the format does

@@ -130,7 +130,7 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     pixel = table.pixel.to("mm")
     rate = table.frame_rate.to("Hz") if table.frame_rate else None
     confidence, first_frame = table.least_confidence, table.first_frame
-    read = read_tracks(path, table.y_axis, confidence, pixel, first_frame, rate)
+    read = read_tracks(path, table.y_axis, confidence, pixel, first_frame, rate, table.choice)
     tracks = in_fabric_axes(read.positions, table)
     if table.relaxed_frames > len(tracks):
         message = f"exceeds the number of frames, {len(tracks)}; give fewer"

@@ -159,10 +159,10 @@ def read_tension_record(
     """
     lengths = {"extension": gauge_length, "force": width, "stress": thickness}
     records = _read(Path(path), lengths, zero, preload, Choice(decimal, table))
-    branches, left_out = [], 0
+    branches, left_out, n_cycles = [], 0, 0
     for repeat, (strain, force) in records.repeats.items():
         column = f"{path}: column strain" + (f", repeat {repeat}" if repeat != "1" else "")
-        loading = _loading(strain, cycle, column)
+        loading, n_cycles = _loading(strain, cycle, column)
         below = loading & (strain < 0)
         taken = loading & ~below
         if strain[loading].min() < -max(SLACK, SLACK * strain[loading].max()):
@@ -175,7 +175,8 @@ def read_tension_record(
         left_out += int(below.sum())
     count = sum(len(strain) for strain, _ in records.repeats.values())
     turned = sum(len(strain) for strain, _ in branches) < count - left_out
-    lines = [f"{count} records of {len(branches)} repeats, loading of cycle {cycle}"]
+    of_cycles = f" of {n_cycles}" if n_cycles > 1 else ""
+    lines = [f"{count} records of {len(branches)} repeats, loading of cycle {cycle}{of_cycles}"]
     if left_out:
         lines.append(f"{left_out} records at negative strain are left out")
     lines += records.summary
@@ -254,7 +255,7 @@ def _read(
     width, unit = lengths["force"] or 1.0, "N/mm" if columns.load == "stress" else "N"
     starts = {}
     for repeat, (strain, force) in columns.repeats.items():
-        first = _loading(strain) & (strain >= 0)
+        first = _loading(strain)[0] & (strain >= 0)
         starts[repeat] = loading_start(strain[first], width * force[first])
         if one_swatch:
             break
@@ -390,18 +391,20 @@ def _kind(name: str, unit: str) -> str | None:
     return kinds[0] if kinds else None
 
 
-def _loading(strain: Record, cycle: int = 1, column: str = "") -> Bool[np.ndarray, " record"]:
-    """Which records are of the loading of a cycle, and those at rest before the first."""
+def _loading(
+    strain: Record, cycle: int = 1, column: str = ""
+) -> tuple[Bool[np.ndarray, " record"], int]:
+    """Which records are of the loading of a cycle, or at rest before the first; how many cycles."""
     number = np.arange(len(strain), dtype=float)
     found = cycles(number, strain, MIN_TURN)
     if cycle > max(1, len(found)):
         raise invalid(column, f"has {len(found)} cycles; choose one of them, not cycle {cycle}")
     if not found:
-        return np.full(len(strain), True)
+        return np.full(len(strain), True), 0
     loading = found[cycle - 1].loaded(number)
     if cycle == 1:
         loading |= (number < found[0].start) & (strain >= 0)
-    return loading
+    return loading, len(found)
 
 
 def _middles(start: float, end: float, count: int) -> Points:

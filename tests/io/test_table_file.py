@@ -9,8 +9,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from knitlab.io.errors import InputError
-from knitlab.io.table_file import column_numbers, name_and_unit, read_table
+from knitlab.io.table_file import Choice, column_numbers, name_and_unit, read_columns, read_table
 from knitlab.io.text_file import read_text
+from knitlab.io.toml import read_toml
+from tests.refusals import refused
 
 NAMES = "Time", "Extension", "Load", "Extra"
 UNITS = "s", "mm", "N", "1"
@@ -37,9 +39,8 @@ tables = st.integers(2, 4).flatmap(
 
 
 def fits(headers):
-    return {name_and_unit(header)[0] for header in headers} >= {"Time", "Extension"} or set(
-        headers
-    ) >= {"a", "b"}
+    names = {name_and_unit(header)[0] for header in headers}
+    return names >= {"Time"} or names >= {"a", "b"}
 
 
 def read(tmp_path, content, encoding="utf-8"):
@@ -153,6 +154,143 @@ def test_a_workbook_is_read(tmp_path):
     (headers, rows, *_), _ = read_table(path, "", fits)
     assert headers == ["Time [s]", "Load [N]"]
     assert column_numbers(path, "Load", rows[1])[0].tolist() == [1.5, 2.5, 3.25]
+
+
+def with_three_decimals(values, separator, mark, thousands):
+    """A table with commas in its header and in a remark above it."""
+    exchanged = str.maketrans({",": thousands, ".": mark})
+    quote = '"{}"' if separator in (mark, thousands) else "{}"
+    fields = [[quote.format(f"{each:,.3f}".translate(exchanged)) for each in row] for row in values]
+    names = [f'"{name}"' if separator == "," else name for name in ("Time, s", "Load, N")]
+    rows = [separator.join(row) for row in (names, *fields)]
+    return "\n".join(["Specimen: rib, 4 x 4; load cell 1,5 kN", *rows, ""])
+
+
+@given(
+    values=st.lists(
+        st.tuples(*[st.integers(0, 5_000_000).map(lambda thousandths: thousandths / 1000)] * 2),
+        min_size=4,
+        max_size=20,
+    ),
+    separator=st.sampled_from(",;\t|"),
+    mark=st.sampled_from(".,"),
+    marked=st.booleans(),
+)
+def test_only_numbers_decide_on_the_decimal_mark(tmp_path_factory, values, separator, mark, marked):
+    thousands = {".": ",", ",": "."}[mark] if marked else ""
+    path = tmp_path_factory.mktemp("table") / "table.csv"
+    path.write_text(with_three_decimals(values, separator, mark, thousands))
+    names = {"Time, s": None, "Load, N": None}
+    quoted_or_none = separator != "," or mark == "," or marked
+    if quoted_or_none and all(1 <= each < 1000 for row in values for each in row):
+        with refused("decimal points", "decimal commas", "decimal = "):
+            read_columns(path, names, "")
+        read = read_columns(path, names, "", choice=Choice(mark)).numbers
+    else:
+        read = read_columns(path, names, "").numbers
+    np.testing.assert_allclose(np.transpose([*read.values()]), values)
+
+
+def test_of_two_readings_both_are_shown_and_the_stated_mark_decides(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("a;b\n1;12,500\n2;13,000\n3;13,500\n")
+    with refused("line 2", "12500 with decimal points", "12.500 with decimal commas", "decimal ="):
+        read_table(path, "", fits)
+    for mark, factor in ((",", 1), (".", 1000)):
+        read = read_columns(path, {"a": None, "b": None}, "", choice=Choice(mark)).numbers
+        np.testing.assert_allclose(read["b"], factor * np.array([12.5, 13.0, 13.5]))
+
+
+@pytest.mark.parametrize(
+    ("rows", "name", "expected"),
+    [
+        # Numbers of a column that rises, some with marks between thousands.
+        ("998;1\n999;1\n1.000;1\n1.001;1\n", "a", [998, 999, 1000, 1001]),
+        ("400;1\n600;1\n800;1\n1,000;1\n1,200;1\n", "a", [400, 600, 800, 1000, 1200]),
+        # Who marks thousands marks them all; and no zero is before such a mark.
+        ("1000;12,500\n2000;13,500\n3000;15,500\n", "b", [12.5, 13.5, 15.5]),
+        ("1;0.400\n2;1.500\n3;12.500\n", "b", [0.4, 1.5, 12.5]),
+    ],
+)
+def test_numbers_that_agree_with_each_other_decide(tmp_path, rows, name, expected):
+    path = tmp_path / "table.csv"
+    path.write_text("a;b\n" + rows)
+    np.testing.assert_allclose(
+        read_columns(path, {"a": None, "b": None}, "").numbers[name], expected
+    )
+
+
+def stacked(rows, title, repeated, blank):
+    """Three tables below each other."""
+    lines = []
+    for number in (1, 2, 3):
+        lines += [""] * blank + [f"Specimen {number}"] * title + ["a,b"] * (repeated or number == 1)
+        lines += [f"{a},{number * b}" for a, b in rows]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("title", [True, False])
+@pytest.mark.parametrize("repeated", [True, False])
+@pytest.mark.parametrize("blank", [True, False])
+def test_of_tables_below_each_other_the_stated_one_is_read(tmp_path, title, repeated, blank):
+    path = tmp_path / "table.csv"
+    text = stacked([(0, 0), (1, 2), (2, 5), (3, 9)], title, repeated, blank)
+    path.write_text(text)
+    if not (title or repeated or blank):
+        assert len(read_columns(path, {"a": None}, "").numbers["a"]) == 12
+        return
+    with refused("table 1", "table 3", "rows from 0, 0", "table = "):
+        read_columns(path, {"a": None}, "")
+    columns, unread = read_columns(path, {"b": None}, "", choice=Choice(table=2))
+    assert columns["b"].tolist() == [0, 4, 10, 18]
+    begun = [
+        number for number, line in enumerate(text.split("\n"), 1) if line in ("a,b", "Specimen 3")
+    ]
+    assert any(f"line {number}" in unread[0] for number in (begun[-1], begun[-1] - 1))
+    with refused("table 4", "3 tables"):
+        read_columns(path, {"b": None}, "", choice=Choice(table=4))
+
+
+@pytest.mark.parametrize("between", ["", "paused", "a,b", "a,b\n(s),(N)"])
+def test_a_table_that_goes_on_below_a_remark_is_one(tmp_path, between):
+    path = tmp_path / "table.csv"
+    path.write_text(f"a,b\n(s),(N)\n0,1\n1,2\n2,3\n{between}\n3,4\n4,5\n")
+    assert read_columns(path, {"b": None}, "").numbers["b"].tolist() == [1, 2, 3, 4, 5]
+
+
+def test_of_sheets_the_one_that_fits_is_read_and_of_several_the_stated_one(tmp_path):
+    pytest.importorskip("openpyxl")
+    path = tmp_path / "book.xlsx"
+    sheets = {
+        "Results": [["Label", "maximum"], ["A", 0.66]],
+        "First": [["a", "b"], [0, 1.5], [1, 2.5]],
+        "Second": [["a", "b"], [0, 3.5], [1, 4.5]],
+    }
+
+    def write(*names):
+        with pd.ExcelWriter(path) as book:
+            for name in names:
+                sheet = pd.DataFrame(sheets[name])
+                sheet.to_excel(book, sheet_name=name, header=False, index=False)
+
+    write("Results", "First")
+    columns, unread = read_columns(path, {"b": None}, "")
+    assert columns["b"].tolist() == [1.5, 2.5]
+    assert "First" in unread[0]
+    write("Results", "First", "Second")
+    with refused("First", "Second", "table = "):
+        read_columns(path, {"b": None}, "")
+    columns, unread = read_columns(path, {"b": None}, "", choice=Choice(table=2))
+    assert columns["b"].tolist() == [3.5, 4.5]
+    assert "First" in unread[0]
+
+
+@pytest.mark.parametrize("written", ['"data\\tensile.csv"', '"C:\\Users\\tensile.csv"'])
+def test_a_backslash_in_toml_is_named(tmp_path, written):
+    path = tmp_path / "sheet.toml"
+    path.write_text(f"file = {written}\n")
+    with refused("backslash", "'…'", "/"):
+        read_text(tmp_path / read_toml(path)["file"])
 
 
 @given(text=st.text(st.characters(codec="cp1252", exclude_categories=["C"]), min_size=4))

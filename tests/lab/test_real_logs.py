@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+import tomli_w
 
 from knitlab import InputError, import_records
+from knitlab.lab.description import read_description
 from tests.lab.recorded import Laboratory, capacitance
+from tests.refusals import refused
 
 
 @pytest.fixture
@@ -86,3 +89,43 @@ def test_a_unit_in_the_file_that_contradicts_the_description_is_refused(laborato
     machine.to_csv(laboratory.folder / "tensile.csv", index=False)
     with pytest.raises(InputError, match=r"force.*\[N\].*cN"):
         imported(laboratory, "tensile")
+
+
+def test_of_several_tests_in_a_log_the_stated_one_is_read(laboratory):
+    machine = laboratory.machine()
+    plain = imported(laboratory, "tensile").cube.reaction_force
+    softer = machine.assign(force=machine.force / 2).to_csv(index=False)
+    (laboratory.folder / "tensile.csv").write_text(
+        f"Specimen 1\n{softer}\nSpecimen 2\n{machine.to_csv(index=False)}"
+    )
+    with refused("table 1", "table 2", "line 2", "table = "):
+        imported(laboratory, "tensile")
+    description = laboratory.description()
+    description["tensile"]["table"] = 2
+    laboratory.folder.joinpath("sheet.toml").write_text(tomli_w.dumps(description))
+    read = imported(laboratory, "tensile")
+    np.testing.assert_array_equal(read.cube.reaction_force, plain)
+    assert any("not read: line 2" in line for line in read.summary)
+
+
+def test_a_decimal_mark_that_the_numbers_do_not_show_is_stated(laboratory):
+    meter = laboratory.meter().astype(float)
+    rows = [f"{t / 1000:.0f};{c / 1000:.3f};{k:.0f}" for t, c, k in meter.to_numpy()]
+    path = laboratory.folder / "meter.csv"
+    path.write_text("\n".join(["t, s;C, pF;TRIG", *rows[::8]]).replace(".", ","))
+    description = laboratory.description()
+    description["capacitance"] |= {"time": {"column": "t, s", "unit": "s"}}
+    description["capacitance"] |= {"capacitance": {"column": "C, pF", "unit": "pF"}}
+    laboratory.folder.joinpath("sheet.toml").write_text(tomli_w.dumps(description))
+    with refused("decimal = ", "decimal commas"):
+        imported(laboratory, "capacitance")
+    description["capacitance"]["decimal"] = ","
+    laboratory.folder.joinpath("sheet.toml").write_text(tomli_w.dumps(description))
+    cube = imported(laboratory, "capacitance").cube.squeeze()
+    np.testing.assert_allclose(cube.capacitance, capacitance(cube.applied_strain), rtol=1e-2)
+
+
+def test_what_a_description_does_not_state_does_not_change_its_cases(laboratory):
+    """Keys that came later are not in the text from which the case identifier follows."""
+    text = read_description(laboratory.folder / "sheet.toml", "markers").model_dump_json()
+    assert not [key for key in ("decimal", "first_frame") if key in text]

@@ -151,6 +151,43 @@ def test_a_bad_curve_is_refused(tmp_path, old, new, options, parts):
         read_tension_record(written(tmp_path, GOOD.replace(old, new)), **options)
 
 
+def test_of_force_and_stress_the_stated_length_says_which_is_read(tmp_path):
+    strain, force = np.linspace(0, 1, 20), np.linspace(0, 3, 20) ** 2
+    rows = [f"{e},{60 * e},{f},{f / (50 * 2)}" for e, f in zip(strain, force, strict=True)]
+    header = "Strain (1),Displacement (mm),Load (N),Stress (MPa)"
+    path = written(tmp_path, "\n".join([header, *rows]))
+    for lengths, left in (({"width": 50.0}, "Stress"), ({"thickness": 2.0}, "Load")):
+        record = read_tension_record(path, **lengths)
+        np.testing.assert_allclose(record.force, [force / 50], atol=1e-12)
+        assert any(f"not {left}" in line for line in record.summary)
+    for lengths in ({}, {"width": 50.0, "thickness": 2.0}):
+        with refused("Load", "Stress", "width = ", "thickness = "):
+            read_tension_record(path, **lengths)
+    np.testing.assert_allclose(read_tension_record(path, width=50.0).strain, strain)
+    along_machine = read_tension_record(path, width=50.0, gauge_length=40.0)
+    np.testing.assert_allclose(along_machine.strain, 1.5 * strain)
+
+
+@pytest.mark.parametrize("title", [True, False])
+@pytest.mark.parametrize("repeated", [True, False])
+def test_tables_below_each_other_are_repeats(tmp_path, title, repeated):
+    lines = []
+    for number in (1, 2, 3):
+        lines += ["", *[f"Specimen {number}"] * title]
+        lines += ["Extension (mm),Load (N)"] * (repeated or number == 1)
+        lines += [f"{e:.4f},{number * e**2:.4f}" for e in np.linspace(0, 100, 41)]
+    path = written(tmp_path, "\n".join(lines))
+    record = read_tension_record(path, gauge_length=50.0)
+    np.testing.assert_allclose(record.mean_force, record.force[1])
+    np.testing.assert_allclose(record.force[2], 3 * record.force[0])
+    assert "3 tables" in record.summary[1]
+    second = read_tension_record(path, gauge_length=50.0, table=2)
+    np.testing.assert_allclose(second.force, [2 * (50 * second.strain) ** 2], atol=1e-3)
+    assert "not read" in second.summary[1]
+    with refused("table 1", "table = "):
+        kl.read_cycles(path, gauge_length=50.0)
+
+
 RIB = replace(stripe("rib", 4), period=10.0)
 GAUGE_LENGTH, WIDTH = 80.0, 60.0
 ROW = float(cell_length(RIB, ModelOptions(cell_size="relaxed")))

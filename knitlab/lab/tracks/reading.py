@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.io.errors import invalid
-from knitlab.io.table_file import unit_factor
+from knitlab.io.table_file import UNSTATED, Choice, unit_factor
 from knitlab.lab.tracks.deeplabcut import DEEPLABCUT
 from knitlab.lab.tracks.rows import ROWS, TRACKPY
 from knitlab.lab.tracks.sleap import SLEAP
@@ -43,13 +43,14 @@ def read_tracks(
     pixel: float = 1.0,
     first_frame: int | None = None,
     frame_rate: float | None = None,
+    choice: Choice = UNSTATED,
 ) -> ReadTracks:
     """Read the markers of a tracker with a confidence; InputError if no format recognises the file.
 
     ``y_axis`` and ``first_frame``, the number of the first frame of the video, are by default those
     of the format; ``pixel`` [mm] and ``frame_rate`` [Hz] are checked against what the file states.
     """
-    file, where = TrackFile(path), str(path)
+    file, where = TrackFile(path, choice), str(path)
     for known in FORMATS:
         if (read := known.read(file)) is not None:
             break
@@ -66,7 +67,7 @@ def read_tracks(
             raise invalid(where, f"has positions in {unit}; give {stated}")
     up = (y_axis or known.y_axis) == "up"
     stated = "as stated" if y_axis else f"as {known.program} writes it; else give y_axis"
-    summary = [f"y counts {'upwards' if up else 'downwards'}, {stated}"]
+    summary = [f"y counts {'upwards' if up else 'downwards'}, {stated}", *file.unread]
     given = ~np.isnan(tracks).all(axis=2)
     unsure = given & (False if confidence is None else confidence < least_confidence)
     # Programs that lose a marker may write zeros.

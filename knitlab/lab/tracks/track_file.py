@@ -1,5 +1,6 @@
 """What a format of tracks is: the program that writes it, and how its files are read."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,12 +12,23 @@ import pandas as pd
 from jaxtyping import Float, Int
 
 from knitlab.io.errors import invalid, raise_if_any
-from knitlab.io.table_file import Table, column_numbers, read_table
+from knitlab.io.table_file import (
+    UNSTATED,
+    Choice,
+    Table,
+    Tables,
+    column_numbers,
+    name_and_unit,
+    read_tables,
+    several,
+)
 from knitlab.io.text_file import read_text
 
 Trajectories = Float[np.ndarray, "frame marker 2"]
 YAxis = Literal["up", "down"]
 EXAMPLE = "write it as in 'frame,marker,x,y'"
+AXIS = re.compile(r"([xy])[ ._-]?\d*$")
+"""End of the header of a coordinate, such as ``x``, ``position_y`` or ``x_12``."""
 
 
 class Tracks(NamedTuple):
@@ -34,6 +46,7 @@ class TrackFile:
     """A file of a tracker; text and table are read when a format first asks for them."""
 
     path: Path
+    choice: Choice = UNSTATED
 
     @property
     def is_table(self) -> bool:
@@ -46,9 +59,23 @@ class TrackFile:
         return "" if self.path.suffix.lower() == ".xlsx" else read_text(self.path).lstrip()
 
     @cached_property
+    def tables(self) -> Tables:
+        """Its tables with positions; entries are text."""
+        return read_tables(self.path, EXAMPLE, _has_positions, self.choice)
+
+    @cached_property
     def table(self) -> Table:
-        """Its table; entries are text."""
-        return read_table(self.path, EXAMPLE)[0]
+        """Its table; several of the same columns are joined, as rows name their frames."""
+        first, *others = self.tables.tables
+        if any(each.headers != first.headers for each in others):
+            raise several(self.path, [first, *others])
+        rows = pd.concat([first.rows, *(each.rows for each in others)], ignore_index=True)
+        return first._replace(rows=rows)
+
+    @property
+    def unread(self) -> tuple[str, ...]:
+        """A sentence on the tables of the file that are not read."""
+        return self.tables.unread if "tables" in self.__dict__ else ()
 
     def table_with(self, *columns: str) -> Table | None:
         """Its table, with lower-case headers from the row that has all these columns."""
@@ -93,6 +120,11 @@ class TrackFile:
         markers = whole_numbers(self.path, marker, self.column(table, marker))
         frames, positions = self.by_frame(table, frame, markers, [x, y])
         return Tracks(positions, frames, unit=unit)
+
+
+def _has_positions(headers: list[str]) -> bool:
+    ends = (AXIS.search(name_and_unit(header)[0].lower()) for header in headers)
+    return {end[1] for end in ends if end} == {"x", "y"}
 
 
 @dataclass(frozen=True)
