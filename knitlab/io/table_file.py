@@ -95,7 +95,7 @@ def read_tables(path: Path, example: str, fits: Fits, choice: Choice = UNSTATED)
         for block in reading.blocks
         if block not in taken and (block.is_table or block.line > taken[0].line)
     ]
-    unread = ()
+    unread: tuple[str, ...] = ()
     if others or (len(source) > 1 and isinstance(source, dict)):
         left = f"; not read: {_places(others)}" if others else ""
         unread = (f"{path.name}: the table at {_places(taken)} is read{left}",)

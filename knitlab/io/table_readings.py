@@ -14,7 +14,7 @@ import numpy as np
 import pint
 from jaxtyping import Float
 
-from knitlab.io.errors import invalid
+from knitlab.io.errors import invalid, shown
 
 SEPARATORS = ",;\t| "  # of columns; any number of spaces is one separator
 BETWEEN = " \t;,|"  # characters of a line without fields
@@ -88,6 +88,8 @@ def numeric_reading(
     where: str, source: Source, separators: str, decimal: Decimal | None, fits: Fits
 ) -> Reading:
     """The reading that the numbers support; InputError shows two that they both support."""
+    if decimal not in (None, ".", ","):
+        raise invalid("decimal", f"is {shown(decimal)}; give '.' or ','")
     marks = [False, True] if decimal is None else [decimal == ","]
     if isinstance(source, list):
         pairs = _plausible(source, list(product(separators, marks)))

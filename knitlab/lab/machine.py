@@ -91,8 +91,16 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
     if np.ptp(force) > 0 and np.corrcoef(strain, force)[0, 1] < 0:
         message = "falls as the sample is pulled; give tension as positive"
         raise invalid(f"{path}: column {table.force.column}", message)
-    found = {"length": length, "cycles": pulls, "dropped": dropped, "unread": unread}
-    return Pulls(**log, triggered=triggered, **found)
+    return Pulls(
+        time=log["time"],
+        extension=log["extension"],
+        force=log["force"],
+        triggered=triggered,
+        length=length,
+        cycles=pulls,
+        dropped=dropped,
+        unread=unread,
+    )
 
 
 def read_capacitance(folder: Path, description: Description) -> Imports:

@@ -330,9 +330,8 @@ def _columns_of_table(path: Path, read: Table, lengths: dict[str, float | None])
     if load is None:
         message = f"has neither; it has {', '.join(headers)}; {EXAMPLE}"
         if columns.keys() & set(LOADS):
-            force, stress = (columns[kind][2] for kind in LOADS)
-            message = f"has both; give width = WIDTH alone to read {force}, or give thickness ="
-            message += f" THICKNESS alone to read {stress}"
+            message = f"has both; give width = WIDTH alone to read {columns['force'][2]}, or"
+            message += f" give thickness = THICKNESS alone to read {columns['stress'][2]}"
         mistakes.append(Mistake(f"{path}: columns force and stress", message))
     raise_if_any(mistakes)
     assert along is not None

@@ -122,7 +122,7 @@ def test_a_decimal_mark_that_the_numbers_do_not_show_is_stated(laboratory):
     description["capacitance"]["decimal"] = ","
     laboratory.folder.joinpath("sheet.toml").write_text(tomli_w.dumps(description))
     cube = imported(laboratory, "capacitance").cube.squeeze()
-    np.testing.assert_allclose(cube.capacitance, capacitance(cube.applied_strain), rtol=1e-2)
+    np.testing.assert_allclose(cube.capacitance[1:-1], capacitance(cube.applied_strain)[1:-1])
 
 
 def test_what_a_description_does_not_state_does_not_change_its_cases(laboratory):
