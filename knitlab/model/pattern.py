@@ -3,12 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import islice
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Int
 from pydantic import Field
 
+from knitlab.io.errors import shown
+from knitlab.io.limits import MAX_CHOICES, MAX_STITCHES
 from knitlab.model.settings import RestAngle
 from knitlab.model.stripe import Stripe
 
@@ -165,19 +168,22 @@ def _grid_line(at: float, borders: Int[np.ndarray, " border"]) -> int:
 
 def map_letters(rows: Sequence[str]) -> np.ndarray:
     """Letters (row, column) of a map, lowest row first, from its text; or :class:`BadPattern`."""
+    if (number := sum(map(len, rows))) > MAX_STITCHES:
+        raise BadPattern([f"patch map has {number:,} patches; give at most {MAX_STITCHES:,}"])
     widths = {len(row) for row in rows}
     if not rows or len(widths) != 1 or widths == {0}:
-        lengths = ", ".join(f"row {k} has {len(row)}" for k, row in enumerate(rows, 1))
-        message = f"patch map {list(rows)} is not a rectangle; give rows of equal length"
+        listed = enumerate(rows[:MAX_CHOICES], 1)
+        lengths = ", ".join(f"row {k} has {len(row)}" for k, row in listed)
+        message = f"patch map {shown([*rows])} is not a rectangle; give rows of equal length"
         raise BadPattern([f"{message} (from the top, {lengths} patches)" if rows else message])
-    messages = [
+    unknown = (
         f"patch map, row {row} from the top, column {column}: {letter!r} is not a knit;"
         " use R for rib, G for garter and P for plain knit"
         for row, letters in enumerate(rows, 1)
         for column, letter in enumerate(letters, 1)
         if letter.upper() not in KNIT_OF_LETTER
-    ]
-    if messages:
+    )
+    if messages := [*islice(unknown, MAX_CHOICES)]:
         raise BadPattern(messages)
     return np.array([list(row.upper()) for row in rows[::-1]])
 

@@ -9,6 +9,7 @@ from pydantic import Field, RootModel, model_validator
 
 from knitlab.io.errors import invalid, naming
 from knitlab.io.image_file import read_image
+from knitlab.io.limits import MAX_TEXT
 from knitlab.io.names import Name
 from knitlab.io.text_file import read_text
 from knitlab.io.toml import StrictModel
@@ -71,7 +72,7 @@ class PatternTable(StrictModel):
         path = self.files(folder)[0]
         try:
             if self.map is not None:
-                lines = read_text(path).splitlines()
+                lines = read_text(path, MAX_TEXT).splitlines()
                 rows = tuple(line.strip().upper() for line in lines if line.strip())
             else:
                 rows = _letters_of_image(path, self.colours)

@@ -175,3 +175,14 @@ def test_a_pattern_is_simulated_from_python():
     assert np.isfinite(test["rib_width_centre"])
     with pytest.raises(InputError, match="rows"):
         kl.Pattern()
+
+
+@pytest.mark.parametrize("number", [100_000, 1_000_001])
+def test_a_long_map_that_is_none_has_a_short_message(tmp_path, number):
+    (tmp_path / "map.txt").write_text("." * number, encoding="utf-8")
+    for pattern in ({"rows": ("." * number,)}, {"rows": (".",) * number}, {"map": "map.txt"}):
+        with pytest.raises(InputError) as caught:
+            kl.Pattern(**pattern).patches(tmp_path)
+        named = "'.'" if number < 1_000_000 else "1,000,001 patches"
+        assert named in str(caught.value)
+        assert len(str(caught.value)) < 5000

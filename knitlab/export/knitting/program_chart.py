@@ -2,6 +2,7 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -61,12 +62,14 @@ def stitches_of_program(path: Path, carrier: int | None) -> tuple[Stitches, str]
         if len(chain) != courses:
             message = f"has {len(chain)} stitches of carrier {body} on needle {number}, and"
             raise invalid(str(path), f"{message} {courses} on others; only a rectangle has a chart")
-    first = min(chains)
-    end = max(chains)
-    if len(chains) != end - first + 1:
-        missing = next(n for n in range(first, end) if n not in chains)
+    numbers = sorted(chains)
+    steps = sorted({after - before for before, after in pairwise(numbers)})
+    if len(steps) > 1:
+        missing = next(n for n in range(numbers[0], numbers[-1], steps[0]) if n not in chains)
         raise invalid(str(path), f"knits nothing on needle {missing} between others; close the gap")
-    return np.array([chains[number] for number in range(first, end + 1)]).T, ", ".join(remarks)
+    if steps not in ([], [1]):
+        remarks.append(f"on one of {steps[0]} needles")
+    return np.array([chains[number] for number in numbers]).T, ", ".join(remarks)
 
 
 def _knitted(
@@ -75,31 +78,51 @@ def _knitted(
     """The stitches of counted lines until loops are joined, with their carriers, and two lines.
 
     The last line at which both beds knit, and that at which a bind-off joins loops; 0 for none.
+    A course may cast on needles between those of the cast-on: on these it counts, too.
     """
     loops: Counter[Needle] = Counter()
     stitches: list[tuple[Needle, tuple[str, ...]]] = []
     double = joined = 0
+    cast_on: list[tuple[Needle, tuple[str, ...]]] = []  # by the pass so far
+    is_course = False  # whether that has knitted through loops, too
+    last: Operation | None = None
     for operation in program:
         opcode = operation.opcode
         needles = operation.needles
         counts = operation.line in counted and not joined
         if opcode in ("knit", "tuck") and needles and operation.carriers:
             (needle,) = needles
+            if last is None or not _goes_on(last, operation):
+                stitches += cast_on if is_course else []
+                cast_on = []
+                is_course = False
+            last = operation
             if opcode == "knit":
                 if loops[Needle(not needle.front, needle.number)]:
                     # Waste is often knitted on both beds; a chart can only begin after that.
                     stitches.clear()
+                    cast_on.clear()
                     double = operation.line
-                elif loops[needle] and counts:
+                elif counts and loops[needle]:
                     stitches.append((needle, operation.carriers))
+                    is_course = True
+                elif counts:
+                    cast_on.append((needle, operation.carriers))
                 loops[needle] = 0
             loops[needle] += 1
         elif opcode in ("xfer", "split") and len(needles) == 2:
             source, target = needles
-            if loops[source] and loops[target] and counts:
+            if loops[source] and loops[target] and counts and stitches:
                 joined = operation.line
             loops[target] += loops[source]
             loops[source] = int(opcode == "split")
         elif opcode in ("drop", "knit") and needles:
             loops[needles[0]] = 0
-    return stitches, double, joined
+    return stitches + (cast_on if is_course else []), double, joined
+
+
+def _goes_on(before: Operation, following: Operation) -> bool:
+    """Whether two operations that form loops may be of one pass."""
+    step = following.needles[0].number - before.needles[0].number
+    ahead = step > 0 if following.direction == "+" else step < 0
+    return ahead and before.direction == following.direction

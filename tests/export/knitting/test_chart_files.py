@@ -233,3 +233,46 @@ def test_of_colours_without_a_darker_one_the_knit_is_asked_for(tmp_path, other):
         assert (read_stitches(path, "top", given=given)[0] == FRONT).all()
     with refused("'#123456'", *colours):
         read_stitches(path, given=Key("#123456"))
+
+
+LEFTWARDS = range(32, 0, -1)
+EVEN, ODD, ALL = LEFTWARDS[::2], LEFTWARDS[1::2][::-1], LEFTWARDS
+CAST_ONS = {
+    "there and back": [("tuck -", "f", EVEN), ("tuck +", "f", ODD)],
+    "knitted there and back": [("knit -", "f", EVEN), ("knit +", "f", ODD)],
+    "every second needle alone": [("tuck -", "f", EVEN)],
+    "every second needle knitted": [("knit -", "f", EVEN)],
+    "of both beds": [("tuck -", "f", EVEN), ("tuck -", "b", ODD)],
+    "closed": [
+        ("knit -", "f", EVEN),
+        ("knit +", "b", ODD),
+        ("knit -", "f", ODD),
+        ("knit +", "b", EVEN),
+    ],
+}
+
+
+@pytest.mark.parametrize("step", [1, 2])
+@pytest.mark.parametrize("cast_on", CAST_ONS)
+def test_courses_are_counted_from_any_cast_on(tmp_path, cast_on, step):
+    """Also of a program that uses every second needle of the machine."""
+    lines, front = [";!knitout-2", "inhook 3"], RIB[:6]
+    for word, bed, needles in CAST_ONS[cast_on]:
+        lines += [f"{word} {bed}{step * number} 3" for number in needles]
+        last = word
+    if any(bed == "b" for _, bed, _ in CAST_ONS[cast_on]):
+        lines += [f"xfer b{step * number} f{step * number}" for number in ALL]
+    beds = dict.fromkeys(ALL, "f")
+    sign = "+" if last.endswith("-") else "-"
+    for course in front:
+        for number in ALL:
+            bed = "f" if course[number - 1] else "b"
+            if bed != beds[number]:
+                lines.append(f"xfer {beds[number]}{step * number} {bed}{step * number}")
+            beds[number] = bed
+        order = ALL if sign == "-" else ALL[::-1]
+        lines += [f"knit {sign} {beds[number]}{step * number} 3" for number in order]
+        sign = "+" if sign == "-" else "-"
+    stitches, remark = read_stitches(written(tmp_path / "a.k", "\n".join(lines)))
+    assert (stitches == front).all()
+    assert ("2 needles" in remark) == (step == 2)
