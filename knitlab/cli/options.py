@@ -27,7 +27,7 @@ SOME_CASE_NOT_OK, BAD_INPUT = 1, 2  # exit codes
 EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENOSPC, errno.EDQUOT}
 """Error numbers of a machine that has no files, memory, processes or disk space left."""
 WITHOUT_JAX = ("query", "find", "status")  # commands that need little memory
-MIN_BYTES = 3e9  # of address space, for JAX
+MIN_BYTES, MIN_BYTES_OF_JAX = 0.5e9, 3e9  # of address space; with less, libraries abort or hang
 SETTINGS = "knitlab.settings"  # key of settings that have options of their own, in a context
 MAX_LINES = 20  # cases that a command lists
 FIGURES = (".pdf", ".svg", ".png")  # suffixes
@@ -77,7 +77,7 @@ class CommandGroup(click.Group):
                 signal.signal(signal.SIGINT, before)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        """Find the command of a name; InputError if JAX would abort for lack of address space.
+        """Find the command of a name; InputError if it would lack address space.
 
         If the folder for compiled programs cannot be written, none are kept.
         """
@@ -86,8 +86,9 @@ class CommandGroup(click.Group):
             import resource  # not on Windows
 
             limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-            if found[0] not in WITHOUT_JAX and 0 <= limit < MIN_BYTES:
-                message = f"is {limit / 1e9:.1f} GB, and JAX needs about {MIN_BYTES / 1e9:.0f} GB"
+            least = MIN_BYTES if found[0] in WITHOUT_JAX else MIN_BYTES_OF_JAX
+            if 0 <= limit < least:
+                message = f"is {limit / 1e9:.1f} GB, and {found[0]} needs about {least / 1e9:g} GB"
                 raise invalid("the limit of address space", f"{message}; raise ulimit -v")
         cache = "" if found[0] in WITHOUT_JAX else os.environ.get(VARIABLE, "")
         if message := cache_problem(cache):
@@ -116,7 +117,8 @@ class CommandGroup(click.Group):
             cause = error.__cause__ or error
             if not (library := failed_import(cause)):
                 raise
-            echo_error(f"{library}: cannot be imported ({cause}); install it again")
+            reason = str(cause).strip().rpartition("\n")[2]
+            echo_error(f"{library}: cannot be imported ({reason}); install it again")
         sys.exit(BAD_INPUT)
 
 

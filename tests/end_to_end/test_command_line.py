@@ -1,6 +1,8 @@
 """The commands as a user types them, on a design small enough for a test."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -117,3 +119,34 @@ def test_selected_numbers_are_read_as_numbers(values):
 @pytest.mark.parametrize("label", ["04", "1e3", "barrier", "4 x 2"])
 def test_a_selected_label_keeps_its_letters(label):
     assert read_selections((f"name={label}",)) == {"name": [label]}
+
+
+@pytest.mark.parametrize("command", ["status", "run"])
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of address space")
+def test_little_address_space_is_a_sentence(command):
+    words = f"ulimit -v 200000; exec {sys.executable} -m knitlab {command} periodic"
+    done = subprocess.run(["bash", "-c", words], capture_output=True, text=True, timeout=60)
+    (line,) = done.stderr.splitlines()
+    assert (done.returncode, "0.2 GB" in line, "ulimit -v" in line) == (2, True, True)
+
+
+@pytest.mark.parametrize("name", ["../../victim", "..", "/victim", "a\\b", "", "x" * 300])
+def test_a_name_that_leaves_its_folder_is_a_sentence(name, tmp_path):
+    cube = xr.load_dataset(f"{PREVIEW}/cube.nc")
+    cube["case_id"] = xr.full_like(cube["case_id"].astype(object), name)
+    (tmp_path / "folder/cases").mkdir(parents=True)
+    for place in (tmp_path / "victim.nc", tmp_path / "folder/victim.nc"):
+        place.write_text("not to be read", encoding="utf-8")
+    cube.to_netcdf(tmp_path / "folder/cube.nc")
+    before = sorted(tmp_path.rglob("*"))
+    for words in (
+        ("export", str(tmp_path / "folder"), "--select", "n_stripe=4", "-o", "a.vtu"),
+        ("map", "shape", str(tmp_path / "folder"), "-o", "a.png"),
+        ("map", name, PREVIEW, "-o", "a.png"),
+        ("reproduce", name, "--results", str(tmp_path)),
+        ("status", name, "--results", str(tmp_path)),
+        ("plan", name, "--results", str(tmp_path)),
+    ):
+        done = knitlab(*words)
+        assert (done.exit_code, type(done.exception)) == (2, SystemExit), (words, done.output)
+    assert sorted(tmp_path.rglob("*")) == before
