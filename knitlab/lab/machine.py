@@ -1,5 +1,6 @@
 """Logs of a tensile tester and an LCR meter, on one clock, resampled to the applied strains."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 from knitlab.io.errors import invalid
 from knitlab.io.table_file import read_columns
 from knitlab.lab.description import CapacitanceTable, Description, TensileTable
+from knitlab.lab.readings import rounding_step, without_bad_readings
 from knitlab.lab.records import Cycle, Record, cycles, resampled
 from knitlab.observables.capacitance.sensor import CapacitorStatus, hysteresis, sensor_values
 from knitlab.runs.parameters import defaults
@@ -35,30 +37,32 @@ class Pulls:
     triggered: float  # time at which the trigger rose, NaN without one
     length: float  # relaxed, between the clamps [mm]
     cycles: list[Cycle]
-    dropped: int = 0  # records that are no measurement
-    unread: tuple[str, ...] = ()  # sentences on what else its file has
+    remarks: tuple[str, ...] = ()  # on what of the file is left out
 
     def strain(self, time: Record) -> Record:
         """Applied strain at times of the machine's clock; NaN before and after its log."""
         return np.interp(time, self.time, self.extension, left=np.nan, right=np.nan) / self.length
 
     @property
-    def summary(self) -> str:
-        """How many cycles there are, and how many records are left out."""
-        count = f"{len(self.cycles)} cycle{'s' * (len(self.cycles) > 1)} of the machine"
-        return count + (f"; {self.dropped} {LEFT_OUT}" if self.dropped else "")
+    def summary(self) -> tuple[str, ...]:
+        """How many cycles there are, and what is left out."""
+        return (
+            f"{len(self.cycles)} cycle{'s' * (len(self.cycles) > 1)} of the machine",
+            *self.remarks,
+        )
 
 
 def read_tensile(folder: Path, description: Description) -> Imports:
     """Reaction force in every cycle."""
     pulls, width = read_pulls(folder, description), description.sample.width.to("mm")
     strains, values = np.array(description.protocol.applied_strain), []
+    rounding = rounding_error(pulls.force)
     for pulled in (cycle.loaded(pulls.time) for cycle in pulls.cycles):
         strain = pulls.extension[pulled] / pulls.length
         force, error, _ = resampled(strains, strain, pulls.force[pulled])
-        in_cycle = {"reaction_force": force, "reaction_force_error": error}
+        in_cycle = {"reaction_force": force, "reaction_force_error": np.hypot(error, rounding)}
         values.append(in_cycle | {"force_per_width": force / width})
-    return values, [pulls.summary, *pulls.unread]
+    return values, [*pulls.summary]
 
 
 def read_pulls(folder: Path, description: Description) -> Pulls:
@@ -66,7 +70,11 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
     table, protocol = description.tensile, description.protocol
     assert table is not None  # as read_description checks
     path, length = folder / table.file, description.sample.length.to("mm")
-    log, triggered, dropped, unread = _read_log(path, table)
+    log, triggered, remarks = _read_log(path, table)
+    extension, departing = without_bad_readings("extension", log["extension"])
+    log = {name: each[np.isfinite(extension)] for name, each in log.items()}
+    log["force"], bad = without_bad_readings("force", log["force"], log["extension"])
+    remarks += departing + bad
     pulls = cycles(log["time"], log["extension"], protocol.least_turn)[protocol.skip_cycles :]
     column = f"{path}: column {table.extension.column}"
     if not pulls:
@@ -88,19 +96,11 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
         message = f"ends at an applied strain of {strain.max():.3g} in its first cycle, but"
         hint = "reduce strain_max, or give skip_cycles"
         raise invalid(column, f"{message} strain_max is {requested[-1]:g}; {hint}")
-    if np.ptp(force) > 0 and np.corrcoef(strain, force)[0, 1] < 0:
+    strain, force = strain[np.isfinite(force)], force[np.isfinite(force)]
+    if force.size and np.ptp(force) > 0 and np.corrcoef(strain, force)[0, 1] < 0:
         message = "falls as the sample is pulled; give tension as positive"
         raise invalid(f"{path}: column {table.force.column}", message)
-    return Pulls(
-        time=log["time"],
-        extension=log["extension"],
-        force=log["force"],
-        triggered=triggered,
-        length=length,
-        cycles=pulls,
-        dropped=dropped,
-        unread=unread,
-    )
+    return Pulls(**log, triggered=triggered, length=length, cycles=pulls, remarks=tuple(remarks))
 
 
 def read_capacitance(folder: Path, description: Description) -> Imports:
@@ -108,11 +108,7 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
     table, pulls = description.capacitance, read_pulls(folder, description)
     assert table is not None  # as read_description checks
     path = folder / table.file
-    log, triggered, dropped, unread = _read_log(path, table)
-    lowest = log["capacitance"].min()
-    if not lowest > 0:
-        message = f"goes down to {lowest:g} pF, but a capacitance is above 0; correct its zero"
-        raise invalid(f"{path}: column {table.capacitance.column}", message)
+    log, triggered, remarks = _read_log(path, table)
     # Without starts, both logs have a trigger.
     starts = table.starts.to("s") if table.starts else pulls.triggered - triggered
     time = log["time"] + starts
@@ -123,18 +119,20 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
         raise invalid(f"{path}: column {table.time.column}", message)
     strains, strain = np.array(description.protocol.applied_strain), pulls.strain(time)
     seen, least = np.isfinite(strain), defaults().capacitor.linearity
+    measured, bad = _capacitance(path, table, log["capacitance"], strain)
+    rounding = rounding_error(measured)
 
     def cycle_values(cycle: Cycle) -> Values:
         loading, unloading = (seen & phase(time) for phase in (cycle.loaded, cycle.unloaded))
-        capacitance, error, _ = resampled(strains, strain[loading], log["capacitance"][loading])
+        capacitance, error, _ = resampled(strains, strain[loading], measured[loading])
         finite = np.isfinite(capacitance)
         values: Values = {
             "capacitance": capacitance,
-            "capacitance_error": error / capacitance,
+            "capacitance_error": np.hypot(error, rounding) / capacitance,
             "capacitor_status": np.where(finite, CapacitorStatus.measured, np.nan),
         }
         if cycle.end > cycle.turn:
-            back = resampled(strains, strain[unloading], log["capacitance"][unloading]).values
+            back = resampled(strains, strain[unloading], measured[unloading]).values
             values |= {"capacitance_unloading": back, "hysteresis": hysteresis(capacitance, back)}
         if finite.any():
             values |= {
@@ -145,15 +143,37 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
         return values | sensor_values(strains[finite], capacitance[finite], least)
 
     shift = f"the meter's clock is {starts:+.3g} s from the machine's"
-    remarks = [f"{dropped} {LEFT_OUT}"] if dropped else []
-    summary = [pulls.summary, *pulls.unread, shift, *remarks, *unread]
-    return [cycle_values(cycle) for cycle in pulls.cycles], summary
+    lines = [*pulls.summary, shift, *remarks, *bad]
+    return [cycle_values(cycle) for cycle in pulls.cycles], lines
+
+
+def rounding_error(values: Record) -> float:
+    """Standard deviation of what rounding adds to readings, NaN where they are left out."""
+    return rounding_step(values[np.isfinite(values)]) / math.sqrt(12)
+
+
+def _capacitance(
+    path: Path, table: CapacitanceTable, values: Record, strain: Record
+) -> tuple[Record, list[str]]:
+    """Capacitances, NaN where they are none, and lines that count what is left out."""
+    read = values != 0  # a meter that has no reading writes 0
+    if not read.any():
+        raise invalid(f"{path}: column {table.capacitance.column}", "has no reading but 0")
+    kept, lines = np.full(len(values), np.nan), list[str]()
+    if not read.all():
+        lines.append(f"{(~read).sum()} readings of capacitance are 0: left out")
+    kept[read], bad = without_bad_readings("capacitance", values[read], strain[read], bottom=True)
+    if np.nanmin(kept) < 0:
+        message = f"goes down to {np.nanmin(kept):g} pF, but a capacitance is above 0"
+        hint = "repeat the open correction of the meter, and measure again"
+        raise invalid(f"{path}: column {table.capacitance.column}", f"{message}; {hint}")
+    return kept, lines + bad
 
 
 def _read_log(
     path: Path, table: TensileTable | CapacitanceTable
-) -> tuple[dict[str, Record], float, int, tuple[str, ...]]:
-    """Columns in :data:`COLUMN_UNITS`, when a trigger rose, how many rows are bad, and the rest."""
+) -> tuple[dict[str, Record], float, list[str]]:
+    """Columns in :data:`COLUMN_UNITS`, when a trigger rose, and lines on what is not read."""
     names, is_meter = (*COLUMN_UNITS, "trigger", STATUS), isinstance(table, CapacitanceTable)
     columns = {name: column for name in names if (column := getattr(table, name, None))}
     units = {column.column: getattr(column, "unit", None) for column in columns.values()}
@@ -169,15 +189,26 @@ def _read_log(
         for name, unit in COLUMN_UNITS.items()
         if name in columns
     }
+    remarks = list(unread)
+    if not good.all():
+        remarks.append(f"{(~good).sum()} {LEFT_OUT}")
+    if (np.diff(values["time"]) < 0).any():
+        ascending, departing = without_bad_readings("time", values["time"])
+        known = np.isfinite(ascending)
+        numbers = {name: each[known] for name, each in numbers.items()}
+        values = {name: each[known] for name, each in values.items()}
+        remarks += departing
     time = values["time"]
     if len(time) < MIN_POINTS:
         message = f"has {len(time)} rows of measurements; give at least {MIN_POINTS}"
         raise invalid(str(path), message)
-    if (falls := np.flatnonzero(np.diff(time) <= 0)).size:
-        (one, other), at = time[falls[0] :][:2], falls[0] + 1
-        points = f"point {at} to point {at + 1} ({one:g} s to {other:g} s)"
-        message = f"does not rise from {points}; sort the rows, and keep one of each time"
+    steps = np.diff(time)
+    if (steps < 0).any():
+        one, other = time[(steps < 0).argmax() :][:2]
+        message = f"goes back from {one:g} s to {other:g} s; export one recording, from its start"
         raise invalid(f"{path}: column {table.time.column}", message)
+    if not steps.all():
+        remarks.append(f"{(steps == 0).sum()} readings have the time of the one before")
     triggered = np.nan
     if table.trigger is not None:
         levels = numbers[table.trigger.column]
@@ -186,4 +217,4 @@ def _read_log(
             message = "does not begin low and rise; give starts instead"
             raise invalid(f"{path}: column {table.trigger.column}", message)
         triggered = float(time[risen.argmax()])
-    return values, triggered, int((~good).sum()), unread
+    return values, triggered, remarks

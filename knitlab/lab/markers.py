@@ -97,7 +97,7 @@ def read_markers(folder: Path, description: Description) -> Imports:
             pull = f"the first pull, from {pulls.cycles[0].start:g} s to {pulls.cycles[0].turn:g} s"
             message = f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, and does"
             raise invalid(str(path), f"{message} not cover {pull}; correct starts or frame_rate")
-        summary.append(pulls.summary)
+        summary += pulls.summary
     pulled = np.nanmax(np.abs(strain[: table.relaxed_frames]), initial=0.0)
     if frames[0] > 0 and pulled > MAX_AT_START * requested[1]:
         message = f"shows its first markers in frame {frames[0]:g}, at a strain of {pulled:.3g}"

@@ -99,8 +99,7 @@ TENSILE = {
     "short row": (lines(lambda text: [*text[:5], "0.01", *text[6:]]), "line 6"),
     "words": (cell(7, 1, "slack"), "point 7 is 'slack'"),
     "a NaN": (cell(7, 3, "nan"), "column force: point 7 is 'nan'"),
-    "time back": (cell(9, 0, "0.001"), "column time"),
-    "time again": (lines(lambda text: [*text[:9], text[8], *text[9:]]), "column time"),
+    "time back": (lines(lambda text: [*text, *text[1:]]), "goes back from 64 s to 0 s"),
     "no column": (lines(lambda text: [text[0].replace("force", "F"), *text[1:]]), "column force"),
     "twice": (lines(lambda text: [text[0].replace("trigger", "force"), *text[1:]]), "force"),
     "never pulled": (lines(lambda text: text[:30]), "column extension"),
@@ -246,7 +245,7 @@ def test_a_bad_log_of_a_meter_is_refused(tmp_path, good):
     flat = lines(lambda text: [text[0], *(row.rsplit(",", 1)[0] + ",0" for row in text[1:])])
     for part, changes, change in (
         ("column TRIG", triggers, flat),
-        ("-0.003 pF", (), cell(5, 1, "-3")),
+        ("-5 pF", (), negated(1)),
     ):
         refused(tmp_path, good, "capacitance", part, changes=changes, files=[("meter.csv", change)])
 
