@@ -139,11 +139,12 @@ def _departing(at: Places, values: Record, floor: float, strain: Record | None) 
         for first in np.flatnonzero(np.all(each, axis=0)):
             found[first : first + length] = True
     if strain is not None:
-        for first in np.flatnonzero(stops - starts > MAX_RUN):
-            start, stop = starts[first], stops[first]
-            ends = np.array([start, stop - 1])
-            if np.ptp(strain[start:stop]) > 0:
-                found[start:stop] |= outside(*np.full((2, 2), [[start], [stop]]), ends).all()
+        long = stops - starts > MAX_RUN
+        start, stop = starts[long], stops[long]
+        departs = outside(start, stop, start) & outside(start, stop, stop - 1)
+        departs &= np.abs(strain[stop - 1] - strain[start]) > 0
+        for run in np.flatnonzero(departs):
+            found[start[run] : stop[run]] = True
     return found
 
 
