@@ -50,10 +50,12 @@ def read_text(path: Path, max_bytes: float = math.inf) -> str:
     return text.translate(SPACES).replace("\r\n", "\n").replace("\r", "\n")
 
 
-def check_grid(path: Path, rows: int, columns: int, what: str = "stitches") -> None:
-    """InputError if a file has too many rows and columns of stitches, pixels or patches."""
-    if max(rows, columns) > MAX_SIDE or rows * columns > MAX_STITCHES:
-        message = f"has {rows:,} rows of {columns:,} {what}; give at most {MAX_STITCHES:,} in all"
+def check_grid(
+    path: Path, rows: int, columns: int, what: str = "stitches", most: int = MAX_STITCHES
+) -> None:
+    """InputError if a file has too many rows and columns of stitches, pixels or characters."""
+    if max(rows, columns) > MAX_SIDE or rows * columns > most:
+        message = f"has {rows:,} rows of {columns:,} {what}; give at most {most:,} in all"
         raise invalid(str(path), f"{message} and {MAX_SIDE:,} along each side")
 
 

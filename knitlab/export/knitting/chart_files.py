@@ -47,8 +47,7 @@ def _rows_of_text(path: Path, given: Key) -> tuple[Stitches, Key]:
         if len(symbol) != 1:
             raise invalid(str(path), f"has one character a stitch; give one in place of {symbol!r}")
     lines = read_text(path, MAX_TEXT).translate(ALIKE).splitlines()
-    check_grid(path, len(lines), 0)
-    check_grid(path, 1, max(map(len, lines), default=0), "characters")
+    check_grid(path, len(lines), max(map(len, lines), default=0), "characters", MAX_TEXT)
     rows = _symbols(lines, given)
     drawn = list(dict.fromkeys("".join(rows.values())))
     between = [each for each in drawn if each in BETWEEN and each not in given.symbols]

@@ -136,13 +136,11 @@ class ReadChart:
 
     def is_better(self, other: "ReadChart") -> bool:
         """Whether fewer stitches are odd, or as many and fewer sizes do not fit."""
-        odd = int(self.odd.sum()), int(other.odd.sum())
-        if odd[0] != odd[1]:
-            return odd[0] < odd[1]
-        counts = len(self.messages), len(other.messages)
-        if counts[0] != counts[1]:
-            return counts[0] < counts[1]
-        return self.letters.size < other.letters.size
+        more_odd = int(self.odd.sum()) - int(other.odd.sum())
+        if more_odd:
+            return more_odd < 0
+        own = len(self.messages), self.letters.size
+        return own < (len(other.messages), other.letters.size)
 
     def _sizes_that_do_not_fit(self) -> Iterator[str]:
         stripes = {"course": "garter stripes", "wale": "ribs"}

@@ -7,7 +7,7 @@ Between two passes in one direction the carriage comes back empty.
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -30,8 +30,7 @@ class Needle(NamedTuple):
         return f"{'f' if self.front else 'b'}{self.number}"
 
 
-@dataclass(frozen=True, slots=True)
-class Operation:
+class Operation(NamedTuple):
     """An operation on a line of a program: its first word, the rest, and what these name."""
 
     line: int  # from 1
@@ -60,8 +59,13 @@ def operations(text: str) -> Iterator[Operation]:
 
 
 def _needles(words: Sequence[str]) -> tuple[Needle, ...]:
-    matches = (NEEDLE.fullmatch(word) for word in words)
-    return tuple(Needle(match[1] == "f", int(match[2])) for match in matches if match)
+    return tuple(needle for needle in map(_needle, words) if needle is not None)
+
+
+@lru_cache(10_000)  # a program names each needle in every course
+def _needle(word: str) -> Needle | None:
+    match = NEEDLE.fullmatch(word)
+    return Needle(match[1] == "f", int(match[2])) if match else None
 
 
 class CarriagePass(NamedTuple):
