@@ -132,7 +132,7 @@ def column_numbers(
         return values, []
     more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
     value = repr(column.iloc[bad[0]]) if column.iloc[bad[0]] else "empty"
-    message = f"point {bad[0] + 1} is {value}{more}, not a finite number; correct or remove it"
+    message = f"point {bad[0] + 1} is {value}{more}, not a finite number; give a record without it"
     return values, [Mistake(f"{path}: column {name}", message)]
 
 
@@ -170,11 +170,11 @@ def read_columns(
                 factor, mistaken = unit_factor(where, given, unit, f"such as {unit}")
                 if mistaken or not np.isclose(factor, 1):
                     shown = IN_BRACKETS.findall(headers[column])[-1]
-                    message = f"is in {shown} by its header, but {unit} is stated; correct one"
+                    message = f"is in {shown} by its header, but {unit} is stated; state {given}"
                     wrong.insert(0, Mistake(where, message))
         else:
             message = f"is missing; the file has {', '.join(headers)}; {example}"
-            wrong = [Mistake(where, "occurs twice; keep one" if known else message)]
+            wrong = [Mistake(where, "occurs twice; export it once" if known else message)]
         if name not in optional:
             mistakes += wrong
         elif wrong:

@@ -69,6 +69,11 @@ class Block(NamedTuple):
         surplus = sum(row.numbers - row.texts for row in self.rows)
         return self.headers is not None and surplus > 0
 
+    def has_length_of(self, row: Row) -> bool:
+        """Whether a row is as long as the header, but for empty fields at its end."""
+        width = len(self.headers or self.rows[0].fields)
+        return len(row.fields) >= width and not any(row.fields[width:])
+
 
 class Reading(NamedTuple):
     """One way to read a file."""
@@ -256,7 +261,7 @@ def _blocks(rows: Sequence[Row], fits: Fits) -> list[Block]:
         entries = [] if block is None else _entries(block, texts, fits)
         if block is None:
             blocks.append(_begun(row, texts, blocks, fits))
-        elif len(row.fields) == len(block.rows[-1].fields):
+        elif block.has_length_of(row):
             if _continues(block, texts, entries, row, fits):
                 block.rows.extend([*entries, row])
             else:
@@ -283,7 +288,7 @@ def _entries(block: Block, texts: list[Row], fits: Fits) -> list[Row]:
     headers, last = block.headers, block.rows[-1]
     if headers and all(
         text.line == line
-        and len(text.fields) == len(last.fields)
+        and block.has_length_of(text)
         and not fits(text.fields)
         and not all(map(str.startswith, headers, text.fields))
         for line, text in enumerate(texts, last.line + 1)
@@ -322,7 +327,7 @@ def _begun(row: Row, texts: list[Row], blocks: list[Block], fits: Fits) -> Block
         headers, own = near[0].fields, True
     line = texts[0].line if texts else row.line
     for before in [] if own else reversed(blocks):
-        inherited = before.headers if len(before.rows[0].fields) == width else None
+        inherited = before.headers if before.has_length_of(row) else None
         if inherited and (headers is None or fits(inherited)):
             return before._replace(rows=[row], line=line, broken=None)
     above = list(takewhile(lambda text: len(text.fields) == len(headers or ()), texts[::-1]))

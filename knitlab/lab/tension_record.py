@@ -320,7 +320,7 @@ def _columns_of_table(path: Path, read: Table, lengths: dict[str, float | None])
         if kind in columns:
             first = columns[kind][2]
             message = "occurs twice" if name == first else f"is {kind}, and so is {first}"
-            message += "; keep one; write specimens below each other, with a column repeat"
+            message += "; export one of them, and specimens below each other, as repeats"
             mistakes.append(Mistake(f"{path}: column {name}", message))
         columns[kind] = number, unit, name
     along, load = _chosen(columns, lengths)

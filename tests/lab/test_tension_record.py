@@ -109,7 +109,7 @@ def test_what_testers_export_is_read(tmp_path, export, encoding):
         ("Dehnung [%],Spannung [V]", ("Spannung: is in V", "[N/mm]")),
         ("Dehnung [%],Kraft [mm]", ("Kraft: is in mm", "of force")),
         ("Dehnung,Kraft [N]", ("Dehnung: has no unit",)),
-        ("Weg [mm],Traversenweg [mm],Kraft [N]", ("Traversenweg", "Weg", "keep one")),
+        ("Weg [mm],Traversenweg [mm],Kraft [N]", ("Traversenweg", "Weg", "export one")),
         ("Dehnung [%],Kraft [N],Dehnung [%],Kraft [N]", ("Dehnung: occurs twice", "repeat")),
         ("Elongation [N],Kraft [N]", ("Elongation: is in N",)),
     ],
