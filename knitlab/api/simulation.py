@@ -15,6 +15,7 @@ from tqdm.auto import tqdm
 
 from knitlab.cubes.case_file import configurations
 from knitlab.cubes.derived import with_derived
+from knitlab.cubes.normalised import normalised
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.design.trial import ShapeFunction, shape_measure, state_slopes
 from knitlab.io.errors import ErrorCollector, Mistake, invalid, naming, raise_if_any, shown
@@ -288,6 +289,7 @@ def evaluate(
     """
     if "position" not in test or "parameters" not in test.attrs:
         raise invalid("test", "has no node positions; give a dataset of knitlab.simulate")
+    test = normalised(test, "test")
     shapes = configurations(test)
     strains = test["applied_strain"]
     arrays = {name: given for name, f in measures.items() if (given := jnp.shape(f(shapes[0])))}

@@ -61,7 +61,7 @@ def single_design(
 
 def is_cube(source: str | Path | xr.Dataset) -> bool:
     """Whether this is a cube, a test, or the path of a cube, and no workflow."""
-    if isinstance(source, xr.Dataset):
+    if not isinstance(source, str | Path):
         return True
     return Path(source).suffix == ".nc" or (Path(source) / CUBE).is_file()
 

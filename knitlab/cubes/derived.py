@@ -37,7 +37,10 @@ def _forces(cube: xr.Dataset) -> Derived:
     derived = Derived()
     force = cube.get("force_per_width")
     across = cube.get("reaction_force_across")
-    if force is None and {"reaction_force", "knit_cell_x", "unit_cells_x"} <= set(cube):
+    needed = {"reaction_force", "knit_cell_x", "unit_cells_x"}
+    if "load_direction" in cube:
+        needed |= {"knit_cell_y", "unit_cells_y"}
+    if force is None and needed <= set(cube):
         width = cube["knit_cell_x"] * cube["unit_cells_x"]
         if "load_direction" in cube:
             length = cube["knit_cell_y"] * cube["unit_cells_y"]
@@ -59,7 +62,7 @@ def _after_unloading(cube: xr.Dataset, stretch_energy: xr.DataArray | None) -> D
     """What a fabric gives back when it is unloaded, and the strain that it keeps."""
     derived = Derived()
     back = cube.get("reaction_force_unloading")
-    if back is None or cube.sizes.get(STRAIN, 0) <= 1:
+    if back is None or "reaction_force" not in cube or cube.sizes.get(STRAIN, 0) <= 1:
         return derived
     stored = cube["reaction_force"].integrate(STRAIN)
     returned = back.integrate(STRAIN)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from jaxtyping import Float
+from pandas.api.types import is_numeric_dtype
 
 from knitlab.cubes.condition import computed
 from knitlab.cubes.cube_file import design_dims
@@ -189,6 +190,8 @@ def _reached(
     source = f"target {target.text}"
     check_window(target, _lies_along_strain(cubes, designs, target.name, source), source)
     if target.window is None:
+        if not is_numeric_dtype(designs[target.name]):
+            raise invalid(source, f"{target.name} is not a number; give a variable that is one")
         # NaN where a cube does not have it.
         values = designs[target.name].to_numpy(float, na_value=np.nan)
         none = np.zeros(0)

@@ -68,7 +68,7 @@ def normalised(cube: Any, where: str = "cube") -> xr.Dataset:
     cube = _unstacked(_computed(cube), where)
     loose = [name for name in cube.coords if name in VARIABLES and cube[name].dims]
     cube = cube.reset_coords([name for name in loose if name not in cube.indexes])
-    cube = _with_dimensions(cube, keep_labels=_is_recorded(cube))
+    cube = _with_dimensions(_of_one_source(cube, where), keep_labels=_is_recorded(cube))
     dims = _design_dims(cube, where)
     cube = cube.assign_coords(_labels(cube, dims, where))
     known = [str(name) for name in cube.data_vars if name in VARIABLES]
@@ -144,6 +144,18 @@ def _unstacked(cube: xr.Dataset, where: str) -> xr.Dataset:
             message = f"has a design twice along {dim}; keep one of each"
             raise _no_cube(where, message) from error
     return cube
+
+
+def _of_one_source(cube: xr.Dataset, where: str) -> xr.Dataset:
+    """The cube with its source as a single value."""
+    if SOURCE not in cube.coords or not cube[SOURCE].dims:
+        return cube
+    sources = {str(each) for each in cube[SOURCE].values.flat}
+    if len(sources) > 1:
+        listed = ", ".join(sorted(sources))
+        raise _no_cube(where, f"is of several sources, {listed}; give a cube of each")
+    cube = cube.isel({SOURCE: 0}, missing_dims="ignore")
+    return cube.drop_vars(SOURCE).assign_coords({SOURCE: sources.pop()})
 
 
 def _is_recorded(cube: xr.Dataset) -> bool:

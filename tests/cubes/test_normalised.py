@@ -219,6 +219,34 @@ def test_what_is_no_cube_names_what_is_wrong(change, words):
         kl.query(changed)
 
 
+def test_experiments_along_their_source_are_one_at_a_time():
+    one = base().assign_coords(source="first")
+    alone = xr.concat([one], pd.Index(["first"], name="source"))
+    assert normalised(alone)["source"].item() == "first"
+    assert normalised(alone)["status"].dims == ("n_stripe", "n_subunit")
+    both = xr.concat([one.drop_vars("source")] * 2, pd.Index(["first", "second"], name="source"))
+    with refused("cube", "first, second", "each"):
+        kl.query(both)
+
+
+@pytest.mark.parametrize("dropped", ["reaction_force", "unit_cells_x", "unit_cells_y"])
+def test_what_would_follow_from_a_lacking_variable_is_left_out(dropped):
+    cube = base()
+    cells = {f"{name}_{side}": 2.0 for name in ("knit_cell", "unit_cells") for side in "xy"}
+    cube = normalised(cube.assign(cells))
+    cube["reaction_force_unloading"] = cube["reaction_force"] / 2
+    cube["load_direction"] = 0 * cube["status"]
+    assert {"force_per_width", "energy_recovery"} <= {*cube.knitlab.query(applied_strain=0.1)}
+    table = cube.drop_vars(dropped).knitlab.query(applied_strain=0.1)
+    assert not {"force_per_width", "force_ratio"} & {*table}
+
+
+@pytest.mark.parametrize("name", ["status", "case_id"])
+def test_a_target_is_a_number(name):
+    with refused(name, "number", "give"):
+        kl.find(base(), targets=f"{name} = 1")
+
+
 def with_unit(cube, unit):
     return cube.assign(reaction_force=cube["reaction_force"].assign_attrs(units=unit))
 
