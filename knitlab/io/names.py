@@ -17,12 +17,7 @@ RULE = (
     " with a letter or a digit; choose another name"
 )
 CONTROLS = {code: f"\\x{code:02x}" for code in {*range(32), *range(127, 160)} - {*b"\t\n\r"}}
-CONTROLS |= {
-    code: f"\\u{code:04x}"
-    for code in (0x61C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
-}
-"""Control characters but tabs and ends of lines, with those that turn the direction of a text, as
-they are shown."""
+"""Control characters but tabs and ends of lines, as they are shown."""
 OF_ONE_LINE = CONTROLS | {10: "\\n", 13: "\\r", 0x2028: "\\u2028", 0x2029: "\\u2029"}
 """The same, with ends of lines."""
 
