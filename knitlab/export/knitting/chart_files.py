@@ -71,7 +71,9 @@ def _rows_of_text(path: Path, given: Key) -> tuple[Stitches, Key]:
             raise invalid(f"{path}: line {line}", f"{message} so write one symbol for each")
         if len(row) != width:
             message = f"has {len(row)} stitches, but the first row has {width}"
-            hint = "make all rows equally long" + ", with blanks at their ends" * (" " in known)
+            hint = "make all rows equally long"
+            if " " in known:
+                hint += ", with blanks at their ends" if row else ", or remove this line"
             raise invalid(f"{path}: line {line}", f"{message}; {hint}")
     check_grid(path, len(rows), width)
     key = key_of_chart(str(path), drawn, between, given)
