@@ -10,16 +10,14 @@ Example:
     5
 """
 
-from knitlab.io.interruption import is_command  # first: Ctrl-C may come during the others
-
-# isort: split
 import sys
 from importlib.metadata import version
+from pathlib import Path
 from types import ModuleType
 
 import lazy_loader
 
-if not is_command:  # whose help needs no pandas
+if Path((sys.argv or [""])[0]).stem not in ("knitlab", "-m"):  # the command needs no pandas for help
     import knitlab.cubes.query  # noqa: F401, registers cube.knitlab
 
 # Names are stated in __init__.pyi, and imported when first used: a query needs no JAX.

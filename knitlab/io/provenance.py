@@ -1,6 +1,7 @@
 """What is behind a result: the version of the model, the libraries, the files. Needs no JAX."""
 
 import hashlib
+import os
 import platform
 import re
 import subprocess
@@ -68,14 +69,20 @@ def provenance() -> dict[str, str]:
 
 def git_commit() -> str:
     """Commit of the source tree, marked if it has changes; ``unknown`` if installed."""
+    english = os.environ | {"LC_ALL": "C"}
 
     def git(*words: str) -> str:
         command = ["git", "-C", str(PACKAGE), *words]
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env=english)
+        return done.stdout.strip()
 
     try:
         git("ls-files", "--error-unmatch", str(PACKAGE / "__init__.py"))
         changed = git("status", "--porcelain", "--untracked-files=no", str(PACKAGE))
         return git("rev-parse", "HEAD") + ("+changes" if changed else "")
-    except (OSError, subprocess.CalledProcessError):
+    except OSError:
+        return "unknown"
+    except subprocess.CalledProcessError as error:
+        if "dubious ownership" in error.stderr:
+            return "unknown: the clone has another owner; allow it by git config safe.directory"
         return "unknown"

@@ -2,7 +2,6 @@
 
 import hashlib
 import platform
-import warnings
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -12,7 +11,6 @@ from filelock import FileLock, Timeout
 from platformdirs import user_cache_path
 
 from knitlab.io.atomic_write import can_write_into
-from knitlab.io.compilation_cache import cache_problem
 from knitlab.io.job_limits import threads
 
 MAX_CACHE_SIZE = 512 * 2**20
@@ -21,19 +19,9 @@ JAX holds a lock while it reads or writes, which several workers need."""
 
 
 def cache_flags() -> dict[str, object]:
-    """Flags of JAX that keep compiled programs; none if it has a cache, or no folder can be used.
-
-    If the folder that the user names cannot be written, nothing is kept.
-    """
-    named = getattr(jax.config, "jax_compilation_cache_dir", None)
-    if named is None:
-        return _own_cache()
-    if getattr(jax.config, "jax_enable_compilation_cache", True) and (
-        message := cache_problem(named)
-    ):
-        warnings.warn(message, stacklevel=2)
-        return {"jax_enable_compilation_cache": False}
-    return {}
+    """Flags of JAX that keep compiled programs; none if the user has named a folder for them."""
+    is_named = getattr(jax.config, "jax_compilation_cache_dir", None) is not None
+    return {} if is_named else _own_cache()
 
 
 @cache

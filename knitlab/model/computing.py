@@ -89,5 +89,6 @@ def _check_platform(xla_flags: str) -> None:
         jax.devices()
     except Exception as error:  # of many types
         platforms = os.environ.get("JAX_PLATFORMS", "default")
-        message = f"cannot be used ({error}); unset JAX_PLATFORMS, or install what it names"
+        reason = str(error) or type(error).__name__
+        message = f"cannot be used ({reason}); unset JAX_PLATFORMS, or install what it names"
         raise MachineError([Mistake(f"JAX's platform {platforms}", message)]) from error
