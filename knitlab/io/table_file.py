@@ -5,10 +5,10 @@ header are left out. What is ambiguous or incomplete is an error that names the 
 """
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
@@ -17,10 +17,12 @@ import pint
 from jaxtyping import Float
 
 from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any
+from knitlab.io.limits import MAX_CHOICES
 from knitlab.io.table_readings import (
     IN_BRACKETS,
     SEPARATORS,
     Block,
+    Cell,
     Decimal,
     Fits,
     Line,
@@ -87,7 +89,7 @@ def read_tables(path: Path, example: str, fits: Fits, choice: Choice = UNSTATED)
     number = choice.table
     if number is not None:
         if not 1 <= number <= len(taken):
-            message = f"is not one of the {len(taken)} tables of {path}, at {_places(taken)}"
+            message = f"is not one of the {len(taken)} tables of {path}, at {places(taken)}"
             raise invalid(f"table {number}", f"{message}; give one of these")
         taken = taken[number - 1 : number]
     others = [
@@ -97,8 +99,8 @@ def read_tables(path: Path, example: str, fits: Fits, choice: Choice = UNSTATED)
     ]
     unread: tuple[str, ...] = ()
     if others or (len(source) > 1 and isinstance(source, dict)):
-        left = f"; not read: {_places(others)}" if others else ""
-        unread = (f"{path.name}: the table at {_places(taken)} is read{left}",)
+        left = f"; not read: {places(others)}" if others else ""
+        unread = (f"{path.name}: tables read: {places(taken)}{left}",)
     return Tables([_table(path, block, example) for block in taken], unread)
 
 
@@ -117,9 +119,15 @@ def several(path: Path, tables: list[Table]) -> InputError:
     shown = "; ".join(
         f"table {number} at {table.place}, {len(table.rows)} rows from"
         f" {', '.join(table.rows.iloc[0][:4])}"
-        for number, table in enumerate(tables, 1)
+        for number, table in enumerate(tables[:MAX_CHOICES], 1)
     )
-    return invalid(str(path), f"has {shown}; give table = NUMBER")
+    return invalid(str(path), f"has {len(tables)} tables: {shown}; give table = NUMBER")
+
+
+def places(tables: Sequence[Table | Block]) -> str:
+    """Where the first tables are, and how many more there are."""
+    more = f" and {len(tables) - MAX_CHOICES} more" if len(tables) > MAX_CHOICES else ""
+    return ", ".join(table.place for table in tables[:MAX_CHOICES]) + more
 
 
 def column_numbers(
@@ -220,26 +228,16 @@ def unit_factor(where: str, unit: str, target: str, hint: str) -> tuple[float, l
     return np.nan, [Mistake(where, f"is in {unit}; give it in a unit {hint}")]
 
 
-def _places(blocks: list[Block]) -> str:
-    """Where tables are, such as ``line 2 and line 66``."""
-    places = [_place(block) for block in blocks]
-    return " and ".join(filter(None, (", ".join(places[:-1]), places[-1])))
-
-
-def _place(block: Block) -> str:
-    return f"line {block.line}" + (f" of sheet {block.sheet}" if block.sheet else "")
-
-
 def _table(path: Path, block: Block, example: str) -> Table:
     """A table whose rows are as long as its header; InputError names the line that is not."""
     first, headers = block.rows[0], block.headers
     if headers is None:
-        for row in reversed(block.above):
-            count, next_count = len(row.fields), len(first.fields)
+        count, next_count = len(block.above[-1].fields) if block.above else 0, len(first.fields)
+        if count and block.above[-1].line == first.line - 1:
             message = f"has {count} fields, and the next line {next_count}; export it again"
             if next_count == 2 * count:
                 message += ", or if the decimal mark is a comma, with semicolons between columns"
-            raise invalid(f"{path}: line {row.line}", message)
+            raise invalid(f"{path}: line {first.line - 1}", message)
         shown = ", ".join(first.fields[:4])
         raise invalid(str(path), f"has no header above line {first.line} ({shown}); {example}")
     width = len(headers)
@@ -249,7 +247,7 @@ def _table(path: Path, block: Block, example: str) -> Table:
             message = f"has {len(row.fields)} fields and the header {width} ({named}); export the"
             raise invalid(f"{path}: line {row.line}", f"{message} record again")
     rows = pd.DataFrame([row.fields[:width] for row in block.rows])
-    return Table(headers, rows, [row.fields for row in block.above], block.sheet, _place(block))
+    return Table(headers, rows, [row.fields for row in block.above], block.sheet, block.place)
 
 
 def _workbook_sheets(path: Path) -> dict[str, list[Line]]:
@@ -271,18 +269,19 @@ def _sheet_lines(sheet: pd.DataFrame) -> list[Line]:
     """Rows of a sheet without the empty cells at their end, but as long as the text above."""
     made: list[Line] = []
     width = 0
-    for number, values in enumerate(sheet.fillna("").to_numpy().tolist(), 1):
-        cells = [value if _is_typed_number(value) else str(value).strip() for value in values]
-        filled = [column for column, cell in enumerate(cells, 1) if cell != ""]
-        if not filled:
-            continue
-        if any(map(_is_typed_number, cells)):
-            made.append((number, cells[: max(filled[-1], width)]))
-        else:
-            width = filled[-1]
-            made.append((number, cells[:width]))
+    for number, values in enumerate(sheet.to_numpy().tolist(), 1):
+        cells = [_cell(value) for value in values]
+        length = max((column for column, cell in enumerate(cells, 1) if cell != ""), default=0)
+        if all(isinstance(cell, str) for cell in cells):
+            width = length or width
+        elif length < width:
+            length = width
+        if length:
+            made.append((number, cells[:length]))
     return made
 
 
-def _is_typed_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+def _cell(value: Any) -> Cell:
+    if isinstance(value, int | float) and not isinstance(value, bool) and value == value:
+        return value
+    return "" if pd.isna(value) else str(value).strip()

@@ -40,6 +40,7 @@ Decimal = Literal[".", ","]
 Fits = Callable[[list[str]], bool]  # whether a header has the requested columns
 Cell = str | float  # of a workbook; those of text are strings
 Line = tuple[int, list[Cell]]  # the number of a line, from 1, and its fields
+Values = Float[np.ndarray, "row column"]
 Source = list[str] | dict[str, list[Line]]  # lines of text, or the sheets of a workbook by name
 
 
@@ -62,6 +63,11 @@ class Block(NamedTuple):
     line: int  # at which it begins
     sheet: str = ""
     broken: Row | None = None  # the first row of another length
+
+    @property
+    def place(self) -> str:
+        """Where it begins."""
+        return f"line {self.line}" + (f" of sheet {self.sheet}" if self.sheet else "")
 
     @property
     def is_table(self) -> bool:
@@ -150,19 +156,13 @@ def _supported(where: str, one: Reading, other: Reading) -> Reading:
     if not differing:
         return one
     width = max(len(row.fields) for row in rows[0])
-    first = np.array([_values(row, width) for row, _ in pairs])
-    second = np.array([_values(row, width) for _, row in pairs])
-    # Who marks thousands marks them in all numbers.
-    large = bool((np.abs(first[first == second]) >= THOUSAND).any())
-    refuted = [large and bool((np.abs(first) > np.abs(second)).any())]
-    refuted.append(large and bool((np.abs(second) > np.abs(first)).any()))
-    if not any(refuted):
-        rough, other_rough = _roughness(first), _roughness(second)
-        changed = ~np.isclose(rough, other_rough)
-        total, other_total = rough[changed].sum(), other_rough[changed].sum()
-        refuted = [other_total < SMOOTHER * total, total < SMOOTHER * other_total]
-    if refuted[0] != refuted[1]:
-        return other if refuted[0] else one
+    values = np.array([[_values(row, width) for row in pair] for pair in pairs]).swapaxes(0, 1)
+    partly, rough = _doubts(*values)
+    other_partly, other_rough = _doubts(*values[::-1])
+    if partly != other_partly:
+        return other if partly else one
+    if min(rough, other_rough) < SMOOTHER * max(rough, other_rough):
+        return other if other_rough < rough else one
     row, changed_row = differing[0]
     point, comma = (changed_row, row) if one.comma else (row, changed_row)
     message = f"line {row.line} is {', '.join(point.fields[:4])} with decimal points and"
@@ -183,15 +183,19 @@ def _values(row: Row, width: int) -> list[float]:
     return values[:width] + [np.nan] * (width - len(values))
 
 
-def _roughness(values: Float[np.ndarray, "row column"]) -> Float[np.ndarray, " column"]:
-    """Sum of the second differences of each column, over its range."""
-    columns = [column[np.isfinite(column)] for column in values.T]
-    return np.array(
-        [
-            np.abs(np.diff(column, 2)).sum() / np.ptp(column) if len(set(column)) > 1 else 0.0
-            for column in columns
-        ]
-    )
+def _doubts(values: Values, other: Values) -> tuple[bool, float]:
+    """Whether a reading marks only some thousands, and its roughness in columns that it bends."""
+    unmarked, marked = np.abs(values[values == other]), np.abs(values) > np.abs(other)
+    rough, other_rough = (np.array(list(map(_roughness, each.T))) for each in (values, other))
+    bent = ~np.isclose(rough, other_rough)
+    return bool(marked.any() and (unmarked >= THOUSAND).any()), float(rough[bent].sum())
+
+
+def _roughness(column: Float[np.ndarray, " row"]) -> float:
+    """Sum of the second differences, over the range."""
+    known = column[np.isfinite(column)]
+    span = np.ptp(known) if len(known) else 0.0
+    return float(np.abs(np.diff(known, 2)).sum() / span) if span else 0.0
 
 
 def text_lines(lines: Sequence[str], separator: str) -> list[Line]:
@@ -330,9 +334,11 @@ def _begun(row: Row, texts: list[Row], blocks: list[Block], fits: Fits) -> Block
         inherited = before.headers if before.has_length_of(row) else None
         if inherited and (headers is None or fits(inherited)):
             return before._replace(rows=[row], line=line, broken=None)
-    above = list(takewhile(lambda text: len(text.fields) == len(headers or ()), texts[::-1]))
-    line = near[-1].line if near else row.line
-    return Block(headers, [row], above[::-1], line)
+    above = texts[-1:]
+    if headers is not None:
+        wide = takewhile(lambda text: len(text.fields) == len(headers), texts[::-1])
+        above = list(wide)[::-1]
+    return Block(headers, [row], above, near[-1].line if near else row.line)
 
 
 def _headers(above: list[Row]) -> list[str] | None:

@@ -14,6 +14,7 @@ from knitlab.io.table_file import (
     Table,
     column_numbers,
     name_and_unit,
+    places,
     read_tables,
     several,
     unit_factor,
@@ -296,8 +297,7 @@ def _columns(
         for number, columns in enumerate(read, 1)
         for repeat, curve in columns.repeats.items()
     }
-    places = ", ".join(table.place for table in tables)
-    message = f"{len(tables)} tables of the same columns are read as repeats: {places}"
+    message = f"{len(tables)} tables of the same columns are read as repeats: {places(tables)}"
     return first._replace(repeats=repeats, summary=(message, *summary))
 
 
