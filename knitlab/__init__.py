@@ -17,7 +17,8 @@ from types import ModuleType
 
 import lazy_loader
 
-if Path((sys.argv or [""])[0]).stem not in ("knitlab", "-m"):  # the command needs no pandas for help
+_program = Path((sys.argv or [""])[0]).stem
+if _program not in ("knitlab", "-m"):  # the help of the command needs no pandas
     import knitlab.cubes.query  # noqa: F401, registers cube.knitlab
 
 # Names are stated in __init__.pyi, and imported when first used: a query needs no JAX.

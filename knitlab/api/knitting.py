@@ -317,5 +317,6 @@ def _assumptions(
             hint = "find a yarn or a stitch size that has it, and calibrate it"
             differences.append(f"{label} needs {', '.join(other)} of the paper's yarn: {hint}")
     rows.append(("gauge", f"a stitch of {width:.3g} × {height:.3g} mm before the fabric folds"))
-    rows.append(("case", f"{case.case_id}, code {provenance()['git_commit'].partition(':')[0][:12]}"))
+    commit = provenance()["git_commit"].partition(":")[0][:12]
+    rows.append(("case", f"{case.case_id}, code {commit}"))
     return tuple(rows), tuple(differences)

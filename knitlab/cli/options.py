@@ -2,22 +2,19 @@
 
 import errno
 import json
-import os
 import re
-import signal
 import sys
-import threading
+import traceback
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from knitlab.cli.output import droppable_output
-from knitlab.io.compilation_cache import VARIABLE, cache_problem
 from knitlab.io.errors import InputError, Mistake, failed_import, invalid, raise_if_any
-from knitlab.io.interruption import end_at_once
 from knitlab.io.names import one_line
 
 if TYPE_CHECKING:
@@ -33,22 +30,9 @@ MAX_LINES = 20  # cases that a command lists
 FIGURES = (".pdf", ".svg", ".png")  # suffixes
 
 
-class EncodedPath(click.Path):
-    """A path that netCDF can open: it can be written in the encoding of this machine."""
-
-    def convert(self, value: Any, *about: Any) -> Any:
-        """Fail if it cannot."""
-        try:
-            os.path.realpath(value).encode(sys.getfilesystemencoding())
-        except UnicodeEncodeError as error:
-            message = f"{value!a}: its path cannot be written in {error.encoding}"
-            self.fail(f"{message}; rename it, or set LC_ALL=C.UTF-8", *about)
-        return super().convert(value, *about)
-
-
-PATH = EncodedPath(path_type=Path)
-FILE = EncodedPath(path_type=Path, dir_okay=False)
-FOLDER = EncodedPath(path_type=Path, file_okay=False)
+PATH = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path, dir_okay=False)
+FOLDER = click.Path(path_type=Path, file_okay=False)
 COUNT = click.IntRange(min=1)
 COUNT_OR_ZERO = click.IntRange(min=0)
 POSITIVE = click.FloatRange(min=0, min_open=True)
@@ -60,27 +44,12 @@ class CommandGroup(click.Group):
     """Commands that report invalid input one line each, and end with exit code 2."""
 
     def main(self, *words: Any, **settings: Any) -> Any:
-        """Run a command, even if nobody reads its output.
-
-        Until the command begins, Ctrl-C ends the process at once, as imports may swallow it.
-        """
-        before = signal.getsignal(signal.SIGINT)
-        in_main_thread = threading.current_thread() is threading.main_thread()
-        replaced = in_main_thread and before in (signal.default_int_handler, end_at_once)
-        if replaced:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
-        try:
-            with droppable_output():
-                return super().main(*words, **settings)
-        finally:
-            if replaced:
-                signal.signal(signal.SIGINT, before)
+        """Run a command, even if nobody reads its output."""
+        with droppable_output():
+            return super().main(*words, **settings)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        """Find the command of a name; InputError if it would lack address space.
-
-        If the folder for compiled programs cannot be written, none are kept.
-        """
+        """Find the command of a name; InputError if libraries would abort for lack of space."""
         found = super().resolve_command(ctx, args)
         with suppress(ImportError):
             import resource  # not on Windows
@@ -90,36 +59,39 @@ class CommandGroup(click.Group):
             if 0 <= limit < least:
                 message = f"is {limit / 1e9:.1f} GB, and {found[0]} needs about {least / 1e9:g} GB"
                 raise invalid("the limit of address space", f"{message}; raise ulimit -v")
-        cache = "" if found[0] in WITHOUT_JAX else os.environ.get(VARIABLE, "")
-        if message := cache_problem(cache):
-            os.environ["JAX_ENABLE_COMPILATION_CACHE"] = "0"  # for workers, too
-            echo_error(message)
         return found
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; exit code 2 and a message if its input or the machine forbids it."""
+        """Run the command; whatever ends it is a message and exit code 2."""
         try:
             return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
         except InputError as error:
             command = self.get_command(ctx, ctx.invoked_subcommand or "") or self
             for each in error.mistakes:
                 echo_error(_with_option(str(each), command))
-        except (MemoryError, OSError, UnicodeEncodeError) as error:
-            if not isinstance(error, OSError) or error.errno in EXHAUSTED:
-                message = str(error) or "out of memory"
-                echo_error(f"this machine has too few resources: {message}; free some")
-            elif error.errno is None:
-                raise
-            else:
-                place = error.filename or "the current folder"
-                echo_error(f"{place}: cannot be used ({error.strerror}); check the path")
         except Exception as error:
-            cause = error.__cause__ or error
-            if not (library := failed_import(cause)):
-                raise
-            reason = str(cause).strip().rpartition("\n")[2]
-            echo_error(f"{library}: cannot be imported ({reason}); install it again")
+            echo_error(_explained(error))
         sys.exit(BAD_INPUT)
+
+
+def _explained(error: Exception) -> str:
+    """What an error that is no invalid input says of the machine, the installation or knitlab."""
+    cause = error.__cause__ or error
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) in EXHAUSTED:
+        return f"this machine has too few resources: {str(error) or 'out of memory'}; free some"
+    if library := failed_import(cause):
+        reason = str(cause).strip().rpartition("\n")[2]
+        hint = f"check variables such as {library.upper()}_…, or install it again"
+        return f"{library}: cannot be imported ({reason}); {hint}"
+    if isinstance(error, OSError) and error.strerror:
+        place = error.filename or "the current folder"
+        return f"{place}: cannot be used ({error.strerror}); check the path"
+    with NamedTemporaryFile("w", prefix="knitlab-", suffix=".txt", delete=False) as file:
+        traceback.print_exception(error, file=file)
+    reason = f"{type(error).__name__}: {error}"
+    return f"this is an error in knitlab ({reason}); report it with {file.name}"
 
 
 def echo_error(message: object) -> None:

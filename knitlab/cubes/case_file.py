@@ -15,8 +15,7 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.checksum import append_checksum, has_checksum
 from knitlab.io.errors import invalid
 from knitlab.io.names import inside
-from knitlab.io.provenance import file_digest, stored_model
-from knitlab.io.text_file import plain_file
+from knitlab.io.provenance import stored_model
 from knitlab.observables.schema import INTEGERS, MISSING, encoding
 
 if TYPE_CHECKING:  # imports JAX
@@ -60,20 +59,14 @@ def copy_case_file(source: Path, target: Path, case_id: str) -> None:
     """Copy an undamaged case file into another results folder; CannotWrite if that fails."""
     with atomic_write(case_path(target, case_id)) as temporary:
         shutil.copyfile(case_path(source, case_id), temporary)
-        if not has_checksum(temporary):
-            append_checksum(temporary)
 
 
 def is_undamaged(results: Path, case_id: str) -> bool:
     """Whether a case file is as it was written, and holds the case that it is named after."""
     path = case_path(results, case_id)
-    beside = path.with_suffix(".sha256")  # with the checksum, until version 0.1
     try:
-        known = has_checksum(path)
-        if not known and beside.is_file():
-            known = beside.read_bytes().split(b" ")[0] == file_digest(path).encode()
         # To open the file would take far longer; another case has no such identifier in it.
-        return known and case_id.encode() in path.read_bytes()
+        return has_checksum(path) and case_id.encode() in path.read_bytes()
     except (OSError, ValueError):
         return False
 
@@ -88,7 +81,7 @@ def read_code(results: Path, case_id: str) -> str:
 
 def read_values(path: Path, names: Collection[str]) -> dict[str, Any]:
     """Values of those variables that a case file has, several times faster than with xarray."""
-    with netCDF4.Dataset(plain_file(path)) as dataset:
+    with netCDF4.Dataset(path) as dataset:
         dataset.set_auto_maskandscale(False)
         present = [name for name in names if name in dataset.variables]
         stored: dict[str, Any] = {name: np.asarray(dataset[name][...]) for name in present}

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from pandas.api.types import is_numeric_dtype
 
 from knitlab.cubes.condition import computed, holds, no_column
 from knitlab.cubes.cube_file import cube_name, design_dims, model_options, source_path
@@ -30,7 +29,6 @@ MAIN_COLUMNS = (
     *("knit_cell_x", "knit_cell_y"),
 )  # that the command line shows unless asked for others, after what tells rows apart
 MAX_MAIN_COLUMNS = 8
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a text begins that a spreadsheet computes
 ON_REQUEST = [name for name, each in VARIABLES.items() if each.group is STRIPES] + [COLUMN]
 """Columns that a table has only if they are asked for."""
 
@@ -291,9 +289,7 @@ def variables_table(cubes: Sequence[xr.Dataset]) -> pd.DataFrame:
 def formatted(table: pd.DataFrame, style: str) -> str:
     """The table as text for people (``table``), or as ``csv`` or ``json`` for programs."""
     if style == "csv":
-        texts = {name: each for name, each in table.items() if not is_numeric_dtype(each)}
-        plain = table.assign(**{str(name): each.map(_no_formula) for name, each in texts.items()})
-        return plain.rename(columns=_no_formula).to_csv(index=False).rstrip("\n")
+        return table.to_csv(index=False).rstrip("\n")
     if style == "json":
         return table.to_json(orient="records", indent=1, double_precision=15)
     if table.empty:
@@ -306,8 +302,3 @@ def formatted(table: pd.DataFrame, style: str) -> str:
 
     shown = headed.to_string(index=False, float_format=significant, na_rep="-")
     return "\n".join([shown, *legend(table.get(COLUMN, ()))])
-
-
-def _no_formula(cell: Any) -> Any:
-    """A cell of a CSV that no spreadsheet computes."""
-    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell

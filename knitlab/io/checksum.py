@@ -9,8 +9,6 @@ import re
 from os import SEEK_END
 from pathlib import Path
 
-from knitlab.io.text_file import plain_file
-
 MARK = b"\nknitlab-sha256:"
 LENGTH = len(MARK) + 2 * hashlib.sha256().digest_size
 PART = 1 << 20  # bytes that are in memory at a time
@@ -27,7 +25,7 @@ def append_checksum(path: Path) -> None:
 
 def has_checksum(path: Path) -> bool:
     """Whether a file ends with its checksum; ValueError if its contents differ."""
-    with plain_file(path).open("rb") as file:
+    with path.open("rb") as file:
         left = max(file.seek(0, SEEK_END) - LENGTH, 0)
         file.seek(left)
         tail = file.read()

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from knitlab.io.errors import InputError, invalid
-from knitlab.io.text_file import check_grid, plain_file
+from knitlab.io.text_file import check_grid
 
 FORMATS = ("BMP", "GIF", "JPEG", "PNG", "PPM", "TIFF", "WEBP")
 """Formats that are read; a damaged file of others, such as ICNS, may be read without end."""
@@ -20,7 +20,7 @@ def read_image(path: Path) -> UInt8[np.ndarray, "y x 4"]:
     from PIL import Image  # slow to import, and only used here
 
     try:
-        with Image.open(plain_file(path), formats=FORMATS) as image:
+        with Image.open(path, formats=FORMATS) as image:
             check_grid(path, image.height, image.width, "pixels")
             return np.asarray(image.convert("RGBA"))
     except InputError:

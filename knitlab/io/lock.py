@@ -18,7 +18,6 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from knitlab.io.errors import CannotWrite, InputError, Mistake, invalid
-from knitlab.io.text_file import plain_file
 
 SHARD_LOCK = re.compile(r"\.lock-(\d+)-of-(\d+)")
 NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP}
@@ -44,7 +43,7 @@ def locked(folder: Path, shard: Shard = (1, 1)) -> Iterator[None]:
         holder += f" since {datetime.now().isoformat(timespec='seconds')}"
         holder += " (shard {} of {})".format(*shard) if shard[1] > 1 else ""
         with suppress(OSError):  # the lock works without the file that names its holder
-            plain_file(_holder_file(path)).write_text(holder, encoding="utf-8")
+            _holder_file(path).write_text(holder, encoding="utf-8")
     with lock:
         yield
 
@@ -108,7 +107,7 @@ def _user() -> str:
 def _in_use(path: Path) -> InputError:
     holder = "another process"
     with suppress(OSError, ValueError):
-        holder = plain_file(_holder_file(path)).read_text(encoding="utf-8") or holder
+        holder = _holder_file(path).read_text(encoding="utf-8") or holder
     message = f"is held by {holder}; wait for it, or name another results folder"
     return invalid(str(path.parent), message)
 

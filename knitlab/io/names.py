@@ -16,15 +16,14 @@ RULE = (
     f"is not a name of at most {MAX_NAME} letters, digits, '.', '_', '-' and spaces, which begins"
     " with a letter or a digit; choose another name"
 )
-CONTROLS = {code: f"\\x{code:02x}" for code in {*range(32), *range(127, 160)} - {*b"\t\n\r"}}
-"""Control characters but tabs and ends of lines, as they are shown."""
-OF_ONE_LINE = CONTROLS | {10: "\\n", 13: "\\r", 0x2028: "\\u2028", 0x2029: "\\u2029"}
-"""The same, with ends of lines."""
+CONTROLS = {code: f"\\x{code:02x}" for code in {*range(32), *range(127, 160)} - {*b"\t"}}
+CONTROLS |= {0x2028: "\\u2028", 0x2029: "\\u2029"}
+"""Control characters and ends of lines, as they are shown."""
 
 
 def one_line(text: object) -> str:
     """A text as a single line, whatever names it holds."""
-    return str(text).translate(OF_ONE_LINE)
+    return str(text).translate(CONTROLS)
 
 
 def is_name(text: str) -> bool:

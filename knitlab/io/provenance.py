@@ -11,7 +11,6 @@ from importlib.metadata import version
 from pathlib import Path
 
 from knitlab.io.shipped import PACKAGE
-from knitlab.io.text_file import plain_file
 
 MODEL_VERSION = 1
 """Version of the model. Raise it by one where results change on purpose: older ones are stale."""
@@ -43,7 +42,7 @@ def text_digest(text: str) -> str:
 
 def file_digest(path: Path) -> str:
     """SHA-256 of a file, in hexadecimal digits; OSError if it cannot be read."""
-    with plain_file(path).open("rb") as file:
+    with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

@@ -1,9 +1,7 @@
 """Text files of any program: their encoding is recognised, and other files are named."""
 
 import codecs
-import errno
 import math
-import stat
 from pathlib import Path
 
 from knitlab.io.errors import InputError, invalid
@@ -32,7 +30,7 @@ def read_text(path: Path, max_bytes: float = math.inf) -> str:
     InputError if it cannot be read, is not text, or has more than ``max_bytes``.
     """
     try:
-        if (size := plain_file(path).stat().st_size) > max_bytes:
+        if (size := path.stat().st_size) > max_bytes:
             raise invalid(str(path), f"has {size:,} bytes; give at most {max_bytes:,}")
         content = path.read_bytes()
     except OSError as error:
@@ -65,19 +63,6 @@ def cannot_be_read(path: Path, error: OSError) -> InputError:
     if not name.isprintable():  # as in TOML the escape in "data\\tensile.csv" is a tab
         name, hint = ascii(name), BACKSLASH
     return invalid(name, f"cannot be read ({error.strerror}); {hint}")
-
-
-def plain_file(path: Path) -> Path:
-    """The path; OSError if no file has such a name, or it is not a plain file, but a pipe."""
-    if "\0" in str(path):
-        raise OSError(errno.EINVAL, "zero byte in its name", str(path))
-    try:
-        mode = path.stat().st_mode
-    except OSError:
-        return path  # what opens it says why
-    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-        raise OSError(errno.EINVAL, "not a plain file", str(path))
-    return path
 
 
 def _encoding(content: bytes) -> str:

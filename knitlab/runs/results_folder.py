@@ -17,7 +17,6 @@ from knitlab.io.checksum import is_damaged_json
 from knitlab.io.errors import invalid
 from knitlab.io.names import Name
 from knitlab.io.provenance import MODEL, file_digests, stored_model
-from knitlab.io.text_file import plain_file
 from knitlab.io.toml import json_table
 from knitlab.observables.status import RUN, Status
 
@@ -140,7 +139,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
     """The record of a folder's plan."""
     path, hint = folder / PLAN, "plan the workflow again"
     try:
-        text = plain_file(path).read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8")
     except FileNotFoundError as error:
         message = "does not exist; plan or run the workflow first"
         raise invalid(str(path), message) from error
@@ -165,7 +164,7 @@ def changed_inputs(record: Mapping[str, Any]) -> tuple[str, ...]:
 def earlier_failures(folder: Path) -> dict[str, Failure]:
     """Entries for designs that were not ok when a run last ended, by case identifier."""
     try:
-        lines = plain_file(folder / FAILURES).read_text(encoding="utf-8").splitlines()
+        lines = (folder / FAILURES).read_text(encoding="utf-8").splitlines()
         entries = [json_table(line, FAILURES, FailureRecord, "is damaged") for line in lines]
         return {entry["case_id"]: entry for entry in entries}
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Output that nobody takes any more stops no work: closed pipes and streams, full disks."""
+"""Output that nobody reads stops no work."""
 
 import subprocess
 import sys
@@ -26,15 +26,8 @@ def test_a_reader_that_takes_one_line_ends_no_command_with_an_error():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "output",
-    [
-        pytest.param("2>&1 | head -1", id="closed pipe"),
-        pytest.param("2>/dev/full >/dev/full", id="full disk", marks=pytest.mark.nightly),
-    ],
-)
-def test_a_run_writes_its_cube_and_figures_whatever_becomes_of_its_output(tmp_path, output):
-    done = shell(f"set -o pipefail; {' '.join(RUN)} --results {tmp_path} {output}")
+def test_a_run_writes_its_cube_and_figures_although_nobody_reads_its_output(tmp_path):
+    done = shell(f"set -o pipefail; {' '.join(RUN)} --results {tmp_path} 2>&1 | head -1")
     assert done.returncode == 0, done.stderr
     assert (open_cube(tmp_path / "preview")["status"] == 1).all()
     assert (tmp_path / "preview" / "figures" / "auxetic.png").stat().st_size > 0

@@ -3,11 +3,9 @@
 import errno
 import json
 import math
-import os
 import shutil
 import socket
 from contextlib import suppress
-from pathlib import Path
 
 import click
 import numpy as np
@@ -19,16 +17,14 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from knitlab.cli.options import CommandGroup
-from knitlab.cli.output import droppable_output
 from knitlab.cubes.cube_file import open_cube
-from knitlab.cubes.query import formatted, query_cubes
+from knitlab.cubes.query import query_cubes
 from knitlab.figures.claims_page import _escaped
 from knitlab.figures.explorer.explorer import write_explorer
 from knitlab.io.checksum import LENGTH, json_with_checksum
 from knitlab.io.errors import InputError
 from knitlab.io.image_file import read_image
-from knitlab.io.names import is_name
-from knitlab.io.text_file import read_text
+from knitlab.io.names import is_name, one_line
 from knitlab.runs.merge import merge_folders
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import CaseState
@@ -244,13 +240,6 @@ def test_a_damaged_name_of_an_attribute_is_noticed(folder, undamaged, complete):
     xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
 
 
-def test_a_csv_has_no_formulas(folder):
-    cube = open_cube(folder)
-    cube["case_id"][0, 0] = "=cmd|' /C calc'!A0"
-    text = formatted(query_cubes([cube], columns=["case_id", "poisson_ratio_min"]), "csv")
-    assert "\n'=cmd" in text or "\n\"'=cmd" in text
-
-
 MANY = [1 + k / 1000 for k in range(1000)]
 
 
@@ -280,15 +269,10 @@ def test_a_condition_that_is_too_large_is_refused(folder, condition):
         open_cube(folder).knitlab.query(condition)
 
 
-def test_files_that_cannot_be_read_are_named(tmp_path):
-    with pytest.raises(InputError, match="zero byte"):
-        read_text(Path("a\0b"))
+def test_an_image_of_another_format_is_refused(tmp_path):
     Image.new("RGB", (32, 32)).save(tmp_path / "map.icns")
     with pytest.raises(InputError, match="PNG"):
         read_image(tmp_path / "map.icns")
-    os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(InputError, match=r"pipe.*plain file"):
-        read_text(tmp_path / "pipe")
 
 
 def test_an_unresponsive_scheduler_is_named():
@@ -305,6 +289,7 @@ def test_an_unresponsive_scheduler_is_named():
         (OSError(errno.EMFILE, "Too many open files"), "open files"),
         (PermissionError(errno.EACCES, "Permission denied", "here"), "here: "),
         (FileNotFoundError(errno.ENOENT, "No such file"), "folder"),
+        (KeyError("n_stripe"), "KeyError: 'n_stripe'"),
     ],
 )
 def test_what_a_machine_lacks_or_forbids_is_one_line(error, said):
@@ -323,8 +308,6 @@ def test_what_a_machine_lacks_or_forbids_is_one_line(error, said):
     assert said in line
 
 
-def test_control_characters_are_escaped(capsys):
-    with droppable_output():
-        print("a\x1b[31mred\x9bm\tb")
-    assert capsys.readouterr().out == "a\\x1b[31mred\\x9bm\tb\n"
+def test_text_of_users_is_escaped():
+    assert one_line("a\x1b[31mred\x9bm\nb") == "a\\x1b[31mred\\x9bm\\x0ab"
     assert _escaped("<b>[x](y)`") == r"\<b\>\[x\](y)\`"

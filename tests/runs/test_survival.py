@@ -1,6 +1,5 @@
 """Sweeps survive kills, failing cases, damage, full disks and second runs; by a fake simulator."""
 
-import hashlib
 import json
 import mmap
 import os
@@ -289,29 +288,6 @@ def test_a_damaged_case_file_is_named_and_computed_again(tmp_path, damage):
     assert again.states_before[case_id] is CaseState.damaged
     assert again.simulated == (case_id,)
     same(again.cube, before.cube)
-    assert is_undamaged(tmp_path, case_id)
-
-
-def with_checksum_beside(path):
-    """Change a case file into one of version 0.1, whose checksum is in a file beside it."""
-    path.write_bytes(path.read_bytes()[:-LENGTH])
-    beside = f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n"
-    path.with_suffix(".sha256").write_text(beside)
-
-
-def test_case_files_of_an_earlier_version_are_kept_and_checked(tmp_path):
-    plan = few_cases()
-    before = ran(plan, tmp_path)
-    for case_id in plan.cases:
-        with_checksum_beside(case_path(tmp_path, case_id))
-    (tmp_path / "cube.nc").unlink()
-    again = ran(plan, tmp_path)
-    assert again.simulated == ()
-    same(again.cube, before.cube)
-    case_id = next(iter(plan.cases))
-    path = case_path(tmp_path, case_id)
-    path.write_bytes(path.read_bytes()[:-7])
-    assert ran(plan, tmp_path).simulated == (case_id,)
     assert is_undamaged(tmp_path, case_id)
 
 

@@ -3,7 +3,7 @@
 from numpy.lib.format import open_memmap
 
 from knitlab.io.errors import invalid, shortened
-from knitlab.io.text_file import cannot_be_read, plain_file
+from knitlab.io.text_file import cannot_be_read
 from knitlab.lab.tracks.track_file import TrackFile, TrackFormat, Tracks
 
 
@@ -12,7 +12,7 @@ def _read(file: TrackFile) -> Tracks | None:
     if path.suffix.lower() != ".npy":
         return None
     try:
-        tracks = open_memmap(plain_file(path), mode="r")  # which compares sizes
+        tracks = open_memmap(path, mode="r")  # which compares sizes
     except OSError as error:
         raise cannot_be_read(path, error) from error
     except Exception as error:  # numpy raises many types of a damaged header
