@@ -312,7 +312,7 @@ def _measured_law(path: str | Path | None, decimal: Decimal | None) -> SpringCur
         raise invalid("spring_curve", "is missing; give it for law = tabulated")
     curve = read_tension_record(path, zero="none", decimal=decimal)
     with naming(str(path)):
-        return SpringCurve(tuple(curve.strain.tolist()), tuple(curve.force[0].tolist()))
+        return SpringCurve(tuple(curve.strain.tolist()), tuple(curve.mean_force.tolist()))
 
 
 @computing()

@@ -21,9 +21,10 @@ from knitlab.io.limits import MAX_CHOICES
 from knitlab.io.table_readings import (
     IN_BRACKETS,
     SEPARATORS,
+    UNSTATED,
     Block,
     Cell,
-    Decimal,
+    Choice,
     Fits,
     Line,
     Source,
@@ -35,16 +36,6 @@ from knitlab.io.text_file import read_text
 WITH_UNIT = re.compile(rf"(?P<name>.*?)\s*(?P<unit>{IN_BRACKETS.pattern})")
 BEHIND_WORD = re.compile(r"(?P<name>.+?)(?:\s+in|\s+/)\s+(?P<unit>\S+)")  # Kraft in N, F / N
 WORKBOOKS = (".xlsx", ".xlsm")
-
-
-class Choice(NamedTuple):
-    """What the user says of a file that can be read in several ways."""
-
-    decimal: Decimal | None = None  # mark of its numbers
-    table: int | None = None  # which of its tables with the requested columns, from 1
-
-
-UNSTATED = Choice()
 
 
 class Table(NamedTuple):
@@ -82,7 +73,7 @@ def read_tables(path: Path, example: str, fits: Fits, choice: Choice = UNSTATED)
         # Excel states the separator in a first line such as ``sep=;``.
         if stated := re.fullmatch(r'"?sep=(.)"?', lines[0].strip()):
             lines[0], separators = "", stated[1]
-    reading = numeric_reading(str(path), source, separators, choice.decimal, fits)
+    reading = numeric_reading(str(path), source, separators, choice, fits)
     taken = reading.tables
     if not taken:
         raise invalid(str(path), f"has no table of numbers; {example}")
@@ -110,18 +101,19 @@ def read_table(
     """The table of a file whose header fits, and what is not read; InputError if it has several."""
     tables, unread = read_tables(path, example, fits, choice)
     if len(tables) > 1:
-        raise several(path, tables)
+        raise several(path, tables, choice)
     return tables[0], unread
 
 
-def several(path: Path, tables: list[Table]) -> InputError:
+def several(path: Path, tables: list[Table], choice: Choice) -> InputError:
     """The error that one of some tables must be chosen."""
     shown = "; ".join(
         f"table {number} at {table.place}, {len(table.rows)} rows from"
         f" {', '.join(table.rows.iloc[0][:4])}"
         for number, table in enumerate(tables[:MAX_CHOICES], 1)
     )
-    return invalid(str(path), f"has {len(tables)} tables: {shown}; give table = NUMBER")
+    hint = "give table = NUMBER" if choice.is_offered else "leave one of them"
+    return invalid(str(path), f"has {len(tables)} tables: {shown}; {hint}")
 
 
 def places(tables: Sequence[Table | Block]) -> str:

@@ -44,6 +44,17 @@ Values = Float[np.ndarray, "row column"]
 Source = list[str] | dict[str, list[Line]]  # lines of text, or the sheets of a workbook by name
 
 
+class Choice(NamedTuple):
+    """What the user says of a file that can be read in several ways."""
+
+    decimal: Decimal | None = None  # mark of its numbers
+    table: int | None = None  # which of its tables with the requested columns, from 1
+    is_offered: bool = True  # whether the user can state these
+
+
+UNSTATED = Choice(is_offered=False)
+
+
 class Row(NamedTuple):
     """Fields of a line; its numbers have a decimal point, and no marks between thousands."""
 
@@ -96,9 +107,10 @@ class Reading(NamedTuple):
 
 
 def numeric_reading(
-    where: str, source: Source, separators: str, decimal: Decimal | None, fits: Fits
+    where: str, source: Source, separators: str, choice: Choice, fits: Fits
 ) -> Reading:
     """The reading that the numbers support; InputError shows two that they both support."""
+    decimal = choice.decimal
     if decimal not in (None, ".", ","):
         raise invalid("decimal", f"is {shown(decimal)}; give '.' or ','")
     marks = [False, True] if decimal is None else [decimal == ","]
@@ -116,7 +128,7 @@ def numeric_reading(
     best = max(map(rank, readings))
     taken, *others = [reading for reading in readings if rank(reading) == best]
     for other in others:
-        taken = _supported(where, taken, other)
+        taken = _supported(where, taken, other, choice)
     return taken
 
 
@@ -148,7 +160,7 @@ def _score(row: Row) -> float:
     return row.numbers**2 / (row.numbers + row.texts) if row.numbers else 0.0
 
 
-def _supported(where: str, one: Reading, other: Reading) -> Reading:
+def _supported(where: str, one: Reading, other: Reading, choice: Choice) -> Reading:
     """That of two readings with equal scores whose numbers agree better with each other."""
     rows = [[row for table in each.tables for row in table.rows] for each in (one, other)]
     pairs = list(zip(*rows, strict=False))
@@ -166,8 +178,9 @@ def _supported(where: str, one: Reading, other: Reading) -> Reading:
     row, changed_row = differing[0]
     point, comma = (changed_row, row) if one.comma else (row, changed_row)
     message = f"line {row.line} is {', '.join(point.fields[:4])} with decimal points and"
-    message += f" {', '.join(comma.fields[:4])} with decimal commas; give decimal = '.' or ','"
-    raise invalid(where, message)
+    message += f" {', '.join(comma.fields[:4])} with decimal commas; "
+    hint = "give decimal = '.' or ','" if choice.is_offered else "write it as 1.0, without marks"
+    raise invalid(where, message + hint)
 
 
 def _is_number(field: str) -> bool:

@@ -16,8 +16,8 @@ from pydantic import (
 
 from knitlab.io.errors import invalid
 from knitlab.io.names import Line
-from knitlab.io.table_file import Choice, unit_factor
-from knitlab.io.table_readings import Decimal
+from knitlab.io.table_file import unit_factor
+from knitlab.io.table_readings import Choice, Decimal
 from knitlab.io.toml import StrictModel, read_checked
 from knitlab.lab.tracks.track_file import YAxis
 from knitlab.model.stripe import periods_per_patch

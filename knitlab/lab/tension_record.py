@@ -10,7 +10,6 @@ from jaxtyping import Bool, Float
 
 from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.table_file import (
-    Choice,
     Table,
     column_numbers,
     name_and_unit,
@@ -19,7 +18,7 @@ from knitlab.io.table_file import (
     several,
     unit_factor,
 )
-from knitlab.io.table_readings import Decimal
+from knitlab.io.table_readings import Choice, Decimal
 from knitlab.lab.record_start import Zero, loading_start, start_correction
 from knitlab.lab.records import Record, cycles, resampled
 
@@ -287,7 +286,7 @@ def _columns(
     tables, unread = read_tables(path, EXAMPLE, _has_curve, choice)
     forms = {(table.sheet, *table.headers) for table in tables}
     if len(tables) > 1 and (one_swatch or len(forms) > 1):
-        raise several(path, tables)
+        raise several(path, tables, choice)
     read = [_columns_of_table(path, table, lengths) for table in tables]
     first, summary = read[0], (*read[0].summary, *unread)
     if len(read) == 1:

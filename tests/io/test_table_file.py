@@ -9,7 +9,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from knitlab.io.errors import InputError
-from knitlab.io.table_file import Choice, column_numbers, name_and_unit, read_columns, read_table
+from knitlab.io.table_file import column_numbers, name_and_unit, read_columns, read_table
+from knitlab.io.table_readings import Choice
 from knitlab.io.text_file import read_text
 from knitlab.io.toml import read_toml
 from tests.refusals import refused
@@ -184,7 +185,7 @@ def test_only_numbers_decide_on_the_decimal_mark(tmp_path_factory, values, separ
     quoted_or_none = separator != "," or mark == "," or marked
     if quoted_or_none and all(1 <= each < 1000 for row in values for each in row):
         with refused("decimal points", "decimal commas", "decimal = "):
-            read_columns(path, names, "")
+            read_columns(path, names, "", choice=Choice())
         read = read_columns(path, names, "", choice=Choice(mark)).numbers
     else:
         read = read_columns(path, names, "").numbers
@@ -195,6 +196,8 @@ def test_of_two_readings_both_are_shown_and_the_stated_mark_decides(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text("a;b\n1;12,500\n2;13,000\n3;13,500\n")
     with refused("line 2", "12500 with decimal points", "12.500 with decimal commas", "decimal ="):
+        read_table(path, "", fits, Choice())
+    with refused("decimal points", "without marks"):  # where no option is offered
         read_table(path, "", fits)
     for mark, factor in ((",", 1), (".", 1000)):
         read = read_columns(path, {"a": None, "b": None}, "", choice=Choice(mark)).numbers
@@ -240,6 +243,8 @@ def test_of_tables_below_each_other_the_stated_one_is_read(tmp_path, title, repe
         assert len(read_columns(path, {"a": None}, "").numbers["a"]) == 12
         return
     with refused("table 1", "table 3", "rows from 0, 0", "table = "):
+        read_columns(path, {"a": None}, "", choice=Choice())
+    with refused("table 1", "leave one"):  # where no option is offered
         read_columns(path, {"a": None}, "")
     columns, unread = read_columns(path, {"b": None}, "", choice=Choice(table=2))
     assert columns["b"].tolist() == [0, 4, 10, 18]
@@ -279,7 +284,7 @@ def test_of_sheets_the_one_that_fits_is_read_and_of_several_the_stated_one(tmp_p
     assert "First" in unread[0]
     write("Results", "First", "Second")
     with refused("First", "Second", "table = "):
-        read_columns(path, {"b": None}, "")
+        read_columns(path, {"b": None}, "", choice=Choice())
     columns, unread = read_columns(path, {"b": None}, "", choice=Choice(table=2))
     assert columns["b"].tolist() == [3.5, 4.5]
     assert "First" in unread[0]

@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.io.errors import invalid
-from knitlab.io.table_file import UNSTATED, Choice, unit_factor
+from knitlab.io.table_file import unit_factor
+from knitlab.io.table_readings import UNSTATED, Choice
 from knitlab.lab.tracks.deeplabcut import DEEPLABCUT
 from knitlab.lab.tracks.rows import ROWS, TRACKPY
 from knitlab.lab.tracks.sleap import SLEAP

@@ -13,8 +13,6 @@ from jaxtyping import Float, Int
 
 from knitlab.io.errors import invalid, raise_if_any
 from knitlab.io.table_file import (
-    UNSTATED,
-    Choice,
     Table,
     Tables,
     column_numbers,
@@ -22,6 +20,7 @@ from knitlab.io.table_file import (
     read_tables,
     several,
 )
+from knitlab.io.table_readings import UNSTATED, Choice
 from knitlab.io.text_file import read_text
 
 Trajectories = Float[np.ndarray, "frame marker 2"]
@@ -68,7 +67,7 @@ class TrackFile:
         """Its table; several of the same columns are joined, as rows name their frames."""
         first, *others = self.tables.tables
         if any(each.headers != first.headers for each in others):
-            raise several(self.path, [first, *others])
+            raise several(self.path, [first, *others], self.choice)
         rows = pd.concat([first.rows, *(each.rows for each in others)], ignore_index=True)
         return first._replace(rows=rows)
 
