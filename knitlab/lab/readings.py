@@ -14,6 +14,8 @@ from scipy import ndimage
 SIDE = 5  # readings on either side that predict one
 MAX_RUN = 3  # of different readings that depart together
 SCATTERS = 6.0  # by which a reading departs at least
+NORMAL = 1.4826  # standard deviation over the median of absolute deviations
+STEP = 1.5  # of a step between both sides, by which a reading may pass it as the fabric relaxes
 WINDOW = 101  # readings that determine the scatter
 ROUND_OFF = 1e-9  # of the largest reading, below which nothing departs
 MIN_USUAL = 0.5  # of a record, without long runs of equal readings
@@ -112,6 +114,7 @@ class _Lines(NamedTuple):
 
     slope: Record
     value: Record  # at place 0
+    scatter: Record  # of the readings around it
 
     def at(self, line: Places, place: Places) -> Record:
         """Values of some lines at places."""
@@ -129,7 +132,8 @@ def _departing(at: Places, values: Record, floor: float, strain: Record | None) 
         one, other = before.at(start, at[reading]), after.at(stop, at[reading])
         low, high, value = np.minimum(one, other), np.maximum(one, other), values[reading]
         turn = np.abs(before.slope[start] - after.slope[stop]) * (at[stop - 1] + 1 - at[start])
-        allowed = SCATTERS * scatter[reading] + turn + (high - low) / 2
+        around = np.maximum(before.scatter[start], after.scatter[stop])
+        allowed = SCATTERS * np.maximum(scatter[reading], around) + turn + STEP * (high - low)
         return np.maximum(low - value, value - high) > allowed
 
     found = np.zeros(len(values), bool)
@@ -155,7 +159,7 @@ def _scatter(values: Record, runs: Runs) -> Record:
     usual = np.repeat(runs <= MAX_RUN * np.median(runs), runs)
     informative = np.flatnonzero(usual[1:-1] | (usual.mean() < MIN_USUAL))
     size = min(WINDOW, len(informative))
-    median = 1.4826 * ndimage.median_filter(bend[informative], size, mode="reflect")
+    median = NORMAL * ndimage.median_filter(bend[informative], size, mode="reflect")
     return np.interp(np.arange(len(values)), informative + 1, median)
 
 
@@ -170,8 +174,11 @@ def _lines(at: Places, values: Record) -> tuple[_Lines, _Lines]:
         rise = levels[:, other] - levels[:, one]
         slope = np.nanmedian(rise / (places[:, other] - places[:, one]), axis=1)
         slope = np.nan_to_num(slope)  # of one reading
-        value = np.nanmedian(levels - slope[:, None] * places, axis=1)
-    return _Lines(slope[:-SIDE], value[:-SIDE]), _Lines(slope[SIDE:], value[SIDE:])
+        levels = levels - slope[:, None] * places
+        value = np.nanmedian(levels, axis=1)
+        scatter = NORMAL * np.nanmedian(np.abs(levels - value[:, None]), axis=1)
+    lines = slope, value, scatter
+    return _Lines(*(each[:-SIDE] for each in lines)), _Lines(*(each[SIDE:] for each in lines))
 
 
 def _least_bend(values: Record) -> float:
