@@ -2,12 +2,14 @@
 
 import json
 import os
+import subprocess
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from knitlab.cubes.case_file import case_path
+from knitlab.io import provenance
 from knitlab.io.errors import InputError
 from knitlab.observables.schema import COORDINATES, VARIABLES
 from knitlab.observables.status import Status
@@ -147,3 +149,15 @@ def test_a_design_that_does_not_converge_is_reported_not_averaged(tmp_path):
     assert lines == json.loads(json.dumps(run.failures))
     assert len(lines) == 2
     assert "no equilibrium at applied strain 0" in lines[0]["reason"]
+
+
+def test_a_clone_of_another_owner_has_no_commit_and_says_why(monkeypatch):
+    def run(command, **settings):
+        raise subprocess.CalledProcessError(
+            128, command, stderr="fatal: detected dubious ownership in repository at '/code'"
+        )
+
+    monkeypatch.setattr(provenance.subprocess, "run", run)
+    stated = provenance.git_commit()
+    assert stated.startswith("unknown")
+    assert "safe.directory" in stated
