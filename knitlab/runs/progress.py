@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Mapping
+from io import StringIO
 from threading import Event, Thread
 from typing import TextIO
 
@@ -21,7 +22,7 @@ class ProgressBar:
     """A bar over all states of some cases; off a terminal a line every half minute."""
 
     def __init__(self, cases: Mapping[str, Case], shown: bool, file: TextIO | None = None) -> None:
-        file = file or sys.stderr
+        file = file or sys.stderr or StringIO()  # a process may have no standard error
         self._cases = cases
         self._states = dict.fromkeys(cases, 0.0)
         self._ended = 0
