@@ -5,6 +5,7 @@ with each other. Steps that persist, such as the snaps of a fabric, are therefor
 """
 
 import warnings
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ FLAT = 5  # times as many as at the levels next to it
 MOVING = 0.02  # of the range of strain, over which they are equal
 
 Record = Float[np.ndarray, " record"]
+Curve = tuple[Float[np.ndarray, "_"], Float[np.ndarray, "_"]]  # strain and force
 Places = Int[np.ndarray, " record"]
 Runs = Int[np.ndarray, " run"]
 Chosen = Bool[np.ndarray, " record"]
@@ -53,6 +55,21 @@ def without_bad_readings(
         lines.append(f"{flat.sum()} readings of {name} are saturated at {limits}: left out")
         kept[flat] = np.nan
     return kept, lines
+
+
+def curves_without_bad_readings(
+    curves: Mapping[str, Curve],
+) -> tuple[dict[str, Curve], tuple[str, ...]]:
+    """Strain and force of repeats without bad readings of either, and lines that count them."""
+    kept, lines = dict[str, Curve](), list[str]()
+    for repeat, (strain, force) in curves.items():
+        of_repeat = f" of repeat {repeat}" if len(curves) > 1 else ""
+        known_strain, bad_strain = without_bad_readings(f"strain{of_repeat}", strain)
+        known_force, bad_force = without_bad_readings(f"force{of_repeat}", force, strain)
+        known = np.isfinite(known_strain + known_force)
+        kept[repeat] = strain[known], force[known]
+        lines += bad_strain + bad_force
+    return kept, tuple(lines)
 
 
 def departing(values: Record, strain: Record | None = None) -> Chosen:

@@ -19,6 +19,7 @@ from knitlab.io.table_file import (
     unit_factor,
 )
 from knitlab.io.table_readings import Choice, Decimal
+from knitlab.lab.readings import curves_without_bad_readings
 from knitlab.lab.record_start import Zero, loading_start, start_correction
 from knitlab.lab.records import Record, cycles, resampled
 
@@ -252,9 +253,10 @@ def _read(
     if one_swatch and len(columns.repeats) > 1 and columns.repeat_name not in OF_ONE_SWATCH:
         message = "has several swatches, and cycles are of one; give one, in a column repeat"
         raise invalid(f"{path}: column {columns.repeat_name}", message)
+    curves, left_out = curves_without_bad_readings(columns.repeats)
     width, unit = lengths["force"] or 1.0, "N/mm" if columns.load == "stress" else "N"
     starts = {}
-    for repeat, (strain, force) in columns.repeats.items():
+    for repeat, (strain, force) in curves.items():
         first = _loading(strain)[0] & (strain >= 0)
         starts[repeat] = loading_start(strain[first], width * force[first])
         if one_swatch:
@@ -266,10 +268,10 @@ def _read(
             (1 + strain) * (1 + correction.stretched) - 1,
             force - correction.offsets.get(repeat, common) / width,
         )
-        for repeat, (strain, force) in columns.repeats.items()
+        for repeat, (strain, force) in curves.items()
     }
     per_width = columns.load == "stress" or lengths["force"] is not None
-    return _Records(corrected, per_width, (*columns.summary, *correction.summary))
+    return _Records(corrected, per_width, (*columns.summary, *left_out, *correction.summary))
 
 
 class _Columns(NamedTuple):

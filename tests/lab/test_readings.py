@@ -1,11 +1,12 @@
 """Single bad readings and saturation are left out of any record, and nothing else is."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab import import_records
+from knitlab import import_records, read_tension_record
 from knitlab.lab.machine import rounding_error
 from knitlab.lab.readings import departing, saturated, without_bad_readings
 from knitlab.lab.records import resampled
@@ -209,3 +210,20 @@ def test_a_meter_without_a_reading_is_refused(laboratory):
     laboratory.meter().assign(C=0).to_csv(laboratory.folder / "meter.csv", index=False)
     with refused("column C", "0"):
         imported(laboratory, "capacitance")
+
+
+def test_glitches_of_a_tension_record_do_not_change_its_curve(tmp_path):
+    strain = np.linspace(0, 1, 200)
+    noise = np.random.default_rng(0).normal(0, 0.003, 200)
+    record = pd.DataFrame({"strain [1]": strain, "force [N]": 2 * strain**2 + strain + noise})
+    record["force [N]"] -= record["force [N]"][0]
+    path = tmp_path / "curve.csv"
+    record.to_csv(path, index=False)
+    clean = read_tension_record(path)
+    record.loc[[50, 120], "force [N]"] = [40.0, 0.0]
+    record.loc[150, "strain [1]"] = 0.0
+    record.to_csv(path, index=False)
+    found = read_tension_record(path)
+    np.testing.assert_array_equal(found.strain, np.delete(clean.strain, [50, 120, 150]))
+    np.testing.assert_array_equal(found.force[0], np.delete(clean.force[0], [50, 120, 150]))
+    assert any(line.startswith("2 readings of force depart") for line in found.summary)
