@@ -132,7 +132,9 @@ def start_correction(
         left = start.force - offsets[name]
         if abs(left - preload) > max(start.noise, NEAR_PRELOAD * preload):
             message = f"is {left:.3g} {unit} at zero strain, not a preload of {preload:.3g} {unit}"
-            hint = "if the load cell was zeroed under it, also give zero = start; else correct it"
+            hint = (
+                "if the load cell was zeroed under it, also give zero = start; else correct preload"
+            )
             raise invalid(_named(where, name, starts), f"{message}; {hint}")
     if not slope > preload:
         message = f"rises by {slope:.3g} {unit} per strain of 1 at its start, so that no relaxed"
