@@ -72,8 +72,9 @@ def normalised(cube: Any, where: str = "cube") -> xr.Dataset:
     dims = _design_dims(cube, where)
     cube = cube.assign_coords(_labels(cube, dims, where))
     known = [str(name) for name in cube.data_vars if name in VARIABLES]
-    cube = cube.assign({name: _variable(cube, name, dims, where) for name in known})
-    cube = _in_order(cube, dims)
+    variables = {name: _variable(cube, name, dims, where) for name in known}
+    changed = {name: each for name, each in variables.items() if each is not cube.variables[name]}
+    cube = _in_order(cube.assign(changed), dims)
     cube.encoding = source
     return cube
 
@@ -118,9 +119,10 @@ def _computed(cube: xr.Dataset) -> xr.Dataset:
         if hasattr(data, "magnitude"):
             unit = f"{data.units:~}" or "1"
             plain[name] = xr.Variable(each.dims, data.magnitude, {**each.attrs, "units": unit})
-    coordinates = {name: plain.pop(name) for name in cube.coords if name in plain}
-    # Their indexes have units, too.
-    cube = cube.assign(plain).drop_vars(coordinates).assign_coords(coordinates)
+    if plain:
+        coordinates = {name: plain.pop(name) for name in cube.coords if name in plain}
+        # Their indexes have units, too.
+        cube = cube.assign(plain).drop_vars(coordinates).assign_coords(coordinates)
     in_chunks = any(each.chunks for each in cube.variables.values())
     return _computed(cube.compute()) if in_chunks else cube
 
@@ -187,9 +189,9 @@ def _with_dimensions(cube: xr.Dataset, keep_labels: bool) -> xr.Dataset:
 
 def _design_dims(cube: xr.Dataset, where: str) -> tuple[str, ...]:
     """The dimensions of the designs, in the order of the schema."""
-    dims = dict.fromkeys(cube["status"].dims)
+    dims, labelled = dict.fromkeys(cube["status"].dims), {*cube.indexes}
     for name in (name for name in cube.data_vars if name in VARIABLES):
-        dims |= dict.fromkeys(dim for dim in cube[name].dims if dim in cube.indexes)
+        dims |= dict.fromkeys(dim for dim in cube.variables[name].dims if dim in labelled)
     dims = {dim: None for dim in map(str, dims) if dim not in AXES}
     if not dims and _is_recorded(cube):
         return ()
@@ -332,8 +334,8 @@ def _statuses(values: np.ndarray, where: str) -> np.ndarray:
 
 def _in_order(cube: xr.Dataset, dims: Sequence[str]) -> xr.Dataset:
     """The cube with its dimensions in the order of the schema, and their numbers ascending."""
-    numbers = [dim for dim in COORDINATES if dim in cube.indexes]
-    numbers = [dim for dim in numbers if cube.indexes[dim].dtype.kind in "fiu"]
-    unsorted = [dim for dim in numbers if not cube.indexes[dim].is_monotonic_increasing]
-    order = dict.fromkeys((*dims, *COORDINATES))
-    return cube.sortby(unsorted).transpose(*order, ..., missing_dims="ignore")
+    indexes = cube.indexes
+    numbers = [dim for dim in COORDINATES if dim in indexes and indexes[dim].dtype.kind in "fiu"]
+    unsorted = [dim for dim in numbers if not indexes[dim].is_monotonic_increasing]
+    cube = cube.sortby(unsorted) if unsorted else cube
+    return cube.transpose(*dict.fromkeys((*dims, *COORDINATES)), ..., missing_dims="ignore")
