@@ -12,16 +12,17 @@ FORMATS = ("BMP", "GIF", "JPEG", "PNG", "PPM", "TIFF", "WEBP")
 """Formats that are read; a damaged file of others, such as ICNS, may be read without end."""
 
 
-def read_image(path: Path) -> UInt8[np.ndarray, "y x 4"]:
+def read_image(path: Path, *, of_stitches: bool = True) -> UInt8[np.ndarray, "y x 4"]:
     """Red, green, blue and opacity of the pixels of an image; InputError if it cannot be used.
 
-    Its size is read before its pixels.
+    Its size is read before its pixels, whose number is limited where they are stitches.
     """
     from PIL import Image  # slow to import, and only used here
 
     try:
         with Image.open(path, formats=FORMATS) as image:
-            check_grid(path, image.height, image.width, "pixels")
+            if of_stitches:
+                check_grid(path, image.height, image.width, "pixels")
             return np.asarray(image.convert("RGBA"))
     except InputError:
         raise

@@ -189,7 +189,7 @@ def figure_contents(folder: Path) -> dict[str, Any]:
 
 def _reduced(path: Path) -> str:
     """A figure as the address of an image: reduced without other loss, or as it is if smaller."""
-    drawn = Image.fromarray(read_image(path)[..., :3])
+    drawn = Image.fromarray(read_image(path, of_stitches=False)[..., :3])
     stored = path.read_bytes()
     drawn.thumbnail((MAX_WIDTH, 4 * MAX_WIDTH), Image.Resampling.LANCZOS)
     written = io.BytesIO()
