@@ -32,7 +32,7 @@ from knitlab.runs.case_settings import CaseSettings
 from knitlab.runs.cases import cases, checkerboard_designs, electrode_problems
 from knitlab.runs.cube import cloth_sizes, gauge_attributes, input_values
 from knitlab.runs.material import Material, known_parameters
-from knitlab.runs.parameters import Parameters, StripeRow
+from knitlab.runs.parameters import Parameters
 from knitlab.runs.patterns import Pattern
 from knitlab.runs.simulate import simulated
 from knitlab.runs.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
@@ -103,8 +103,6 @@ class Design:
                 is_given = f"is a {stripe.knit} stripe of {stripe.n} stitches"
                 wanted = f"n_stripe = {self.n_stripe} takes a {name} stripe of {stitches[name]}"
                 mistakes.all.append(Mistake(name, f"{is_given}, and {wanted}"))
-            with mistakes, naming(name):
-                StripeRow.of(stripe)
         if self.boundary not in get_args(Boundary):
             known = " or ".join(get_args(Boundary))
             mistakes.all.append(Mistake("boundary", f"is {shown(self.boundary)}; give {known}"))

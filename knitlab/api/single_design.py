@@ -20,7 +20,7 @@ from knitlab.export.knitting.stitch_chart import is_turned
 from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any
 from knitlab.model.stitches import Gauge
 from knitlab.runs.cube import read_gauge
-from knitlab.runs.declared_fields import checked, declared
+from knitlab.runs.declared_fields import declared
 from knitlab.runs.parameters import defaults
 from knitlab.runs.plan import make_plan
 from knitlab.runs.reproduce import find_case
@@ -56,7 +56,7 @@ def single_design(
     message = f"cannot change a simulated cube; set {' or '.join(known)}, or select a design"
     mistakes += [Mistake(f"settings {name}", message) for name in values if name not in known]
     raise_if_any(mistakes)
-    return single._replace(gauge=checked("settings", replace(single.gauge, **values), Gauge))
+    return single._replace(gauge=replace(single.gauge, **values))
 
 
 def is_cube(source: str | Path | xr.Dataset) -> bool:

@@ -11,7 +11,10 @@ from knitlab.io.errors import naming
 
 
 class Checked:
-    """Base of dataclasses of settings: a value outside its annotated range is an InputError."""
+    """Base of dataclasses of settings: a value outside its annotated range is an InputError.
+
+    Numbers of NumPy become those of Python, whole numbers floats where these are declared.
+    """
 
     def __post_init__(self) -> None:
         kind: Any = type(self)
@@ -20,7 +23,9 @@ class Checked:
             value = getattr(self, name)
             values[name] = value.item() if isinstance(value, np.generic) else value
         with naming(kind.__name__):
-            schema.model_validate(values)
+            read = schema.model_validate(values)
+        for name in values:
+            object.__setattr__(self, name, getattr(read, name))  # it is frozen
 
 
 @cache

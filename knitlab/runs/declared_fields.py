@@ -2,11 +2,11 @@
 
 import dataclasses
 from collections.abc import Callable, Collection
+from functools import partial
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import AfterValidator, Field, PositiveFloat, create_model
 
-from knitlab.io.errors import naming
 from knitlab.io.toml import StrictModel
 from knitlab.model.settings import Unit
 
@@ -30,20 +30,14 @@ one by 0.2. Of the other two: ν of one changes by 1e-5 at most against 1e-6 and
 relative tolerance of 0.01 its motion did not end within three minutes, of 20 s otherwise.
 """
 Model = TypeVar("Model", bound=type[StrictModel])
-Table = TypeVar("Table")
 
 
-def _small_enough(largest: float, unit: str, message: str) -> AfterValidator:
-    def check(error: float) -> float:
-        if error > largest:
-            raise ValueError(f"{error:g}{unit} {message}; give at most {largest:g}{unit}")
-        return error
-
-    return AfterValidator(check)
-
-
-BOUNDS = {name: _small_enough(*limit) for name, limit in LARGEST.items()}
-"""Bounds on settings that are no part of the code behind a case, by name."""
+def check_bound(name: str, error: float) -> float:
+    """An error that a setting of LARGEST allows; ValueError if it is too large."""
+    largest, unit, message = LARGEST[name]
+    if error > largest:
+        raise ValueError(f"{error:g}{unit} {message}; give at most {largest:g}{unit}")
+    return error
 
 
 class ParameterValue(StrictModel):
@@ -58,8 +52,9 @@ def declared(table: type, without: Collection[str] = ()) -> Types:
     """The settings that a dataclass declares, but for some of its fields."""
     hints, fields = get_type_hints(table, include_extras=True), dataclasses.fields(table)
     types = {field.name: hints[field.name] for field in fields if field.name not in without}
-    bounded = {name: Annotated[types[name], BOUNDS[name]] for name in types.keys() & BOUNDS}
-    return types | bounded
+    for name in types.keys() & LARGEST:
+        types[name] = Annotated[types[name], AfterValidator(partial(check_bound, name))]
+    return types
 
 
 def factors(quantities: Collection[str]) -> Types:
@@ -124,17 +119,6 @@ def with_fields(fields: Fields) -> Callable[[Model], Model]:
         return derived
 
     return added
-
-
-def checked(name: str, table: Table, kind: type[Table]) -> Table:
-    """A table of settings as a dataclass; InputError has every value that is out of range."""
-    values = {field: getattr(table, field) for field in declared(kind)}
-    for field, value in values.items():
-        if dataclasses.is_dataclass(value):
-            values[field] = checked(f"{name}.{field}", value, type(value))
-    with naming(name):
-        read = with_fields(required(declared(kind)))(StrictModel).model_validate(values)
-    return kind(**dict(read))
 
 
 def _of_toml(kind: Any) -> Any:

@@ -1,23 +1,23 @@
 """Materials: the stripes of one yarn and the lengths that go with them, as a file or an object."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from statistics import geometric_mean
 from typing import Annotated, Any
 
-from pydantic import PositiveFloat, TypeAdapter
+from pydantic import Field, PositiveFloat, SkipValidation
 
-from knitlab.io.errors import ErrorCollector, Mistake, invalid, naming, raise_if_any
+from knitlab.io.errors import ErrorCollector, Mistake, invalid, raise_if_any
 from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel, read_checked, read_toml, write_toml
+from knitlab.model.checked import Checked
 from knitlab.model.settings import CellSize, ModelOptions, PlainKnit, Unit
 from knitlab.model.spring_law import SpringCurve
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import STRIPE_QUANTITIES, Knit, Stripe, flat_stitch
 from knitlab.model.stripe_covariance import Covariance, StripeCovariance
-from knitlab.runs.declared_fields import checked, declared, entries, optional, unit_of, with_fields
+from knitlab.runs.declared_fields import declared, entries, optional, unit_of, with_fields
 from knitlab.runs.parameters import (
     KNITS,
     OPTIONAL,
@@ -49,7 +49,7 @@ DIGITS = 6
 
 
 @dataclass(frozen=True)
-class Material:
+class Material(Checked):
     """One yarn on one machine: its stripes, and the lengths that go with them.
 
     No stripe of the paper's yarn is mixed in: a design that needs another stripe is refused. If it
@@ -97,8 +97,8 @@ class Material:
         >>> test = kl.simulate(kl.Design(4, 8, boundary="periodic"), [0, 0.03], material=acrylic)
     """
 
-    stripes: tuple[Stripe, ...]
-    name: str = "own material"
+    stripes: Annotated[tuple[Stripe, ...], Field(strict=False)]
+    name: Line = "own material"
     cell_size: CellSize = "relaxed"
     z_max: Annotated[PositiveFloat, Unit("mm")] | None = None
     thickness: Annotated[PositiveFloat, Unit("mm")] | None = None
@@ -110,21 +110,19 @@ class Material:
     plain: PlainKnit | None = None
     interpolate: bool = False
     source: str = "given in Python"
-    covariances: Mapping[tuple[Knit, int], Covariance] = field(
+    covariances: Annotated[Mapping[tuple[Knit, int], Covariance], SkipValidation] = field(
         default_factory=dict, hash=False, repr=False
     )
-    yarn: str | None = None
-    conductive_yarn: str | None = None
-    stitch_size: float | None = None
-    plated_stitch_size: float | None = None
-    machine: str | None = None
+    yarn: Line | None = None
+    conductive_yarn: Line | None = None
+    stitch_size: PositiveFloat | None = None
+    plated_stitch_size: PositiveFloat | None = None
+    machine: Line | None = None
 
     def __post_init__(self) -> None:
         mistakes = ErrorCollector()
-        with mistakes, naming("name"):
-            TypeAdapter(Line).validate_python(self.name)
         with mistakes:
-            checked("material", self.on_machine, YarnOnMachine)
+            super().__post_init__()
         named = [(stripe.knit, stripe.n) for stripe in self.stripes]
         if not named:
             mistakes.all.append(Mistake("stripes", "are missing; give at least one knitlab.Stripe"))
@@ -134,13 +132,6 @@ class Material:
         if 0 < len(lacking) < len(self.stripes):
             message = f"have no row_width for {', '.join(lacking)}, but for others"
             mistakes.all.append(Mistake("stripes", f"{message}; calibrate all by force over width"))
-        for stripe in self.stripes:
-            with mistakes, naming(f"{stripe.knit} {stripe.n}"):
-                StripeRow.of(stripe)
-        for name, number in self.numbers.items():
-            if not 0 < number < math.inf:
-                message = f"is {number!r}; give a number above 0 in {UNIT_OF[name]}"
-                mistakes.all.append(Mistake(name, message))
         raise_if_any(mistakes.all)
 
     @property

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt, RootModel, model_validator
 
-from knitlab.io.errors import ErrorCollector, Mistake, invalid, raise_if_any, shown
+from knitlab.io.errors import ErrorCollector, Mistake, invalid, naming, raise_if_any, shown
 from knitlab.io.names import Name
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_checked
@@ -28,8 +28,9 @@ from knitlab.model.stripe import (
 )
 from knitlab.model.stripe_covariance import MIN_REPEATS, StripeCovariance
 from knitlab.runs.declared_fields import (
+    LARGEST,
     ParameterValue,
-    checked,
+    check_bound,
     declared,
     entries,
     required,
@@ -286,15 +287,19 @@ class Parameters:
     yarn: YarnOnMachine | None = None  # of the material
 
     def with_tables(self, **given: object) -> "Parameters":
-        """The parameters with other tables, None keeps one; InputError lists all out of range."""
+        """The parameters with other tables, of which None keeps one; InputError lists mistakes."""
         mistakes = ErrorCollector()
         tables: dict[str, Any] = {name: each for name, each in given.items() if each is not None}
         for name, table in tables.items():
             with mistakes:
-                if not isinstance(table, TABLES[name]):
+                if not isinstance(table, kind := TABLES[name]):
                     message = f"is {table!r}; give knitlab.defaults().{name} or a changed copy"
                     raise invalid(name, message)
-                tables[name] = checked(name, table, TABLES[name])
+                values = {key: getattr(table, key) for key in declared(kind)}
+                for key in LARGEST.keys() & values.keys():
+                    with naming(f"{name}.{key}"):
+                        check_bound(key, values[key])
+                tables[name] = kind(**values)  # cases with a subclass of it are not equal
         raise_if_any(mistakes.all)
         return replace(self, **tables)
 

@@ -4,69 +4,23 @@ import json
 from collections.abc import Iterable, Mapping
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from pydantic import BaseModel, Field, PositiveFloat, model_validator
 
 from knitlab.cubes.case_file import is_undamaged, read_code, stored_cases
 from knitlab.cubes.cube_file import design_dims
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.checksum import is_damaged_json
 from knitlab.io.errors import invalid
-from knitlab.io.names import Name
 from knitlab.io.provenance import MODEL, file_digests, stored_model
-from knitlab.io.toml import json_table
 from knitlab.observables.status import RUN, Status
 
 PLAN = "plan.json"
 FAILURES = "failures.jsonl"
 Labels = tuple[Any, ...]
 Failure = dict[str, Any]  # an entry of `failures.jsonl`: a design that is not ok, and why
-
-
-class CaseRecord(BaseModel):
-    """What is read of the record of a case here."""
-
-    design: dict[str, int | float | str] = Field(min_length=1)
-
-
-class GaugeRecord(BaseModel):
-    """The gauge of a plan [mm]."""
-
-    stitch_width: PositiveFloat
-    stitch_height: PositiveFloat
-
-
-class PlanRecord(BaseModel):
-    """What is read of ``plan.json``."""
-
-    workflow: Name
-    title: str
-    figures: list[str]
-    dims: list[str] = Field(min_length=1)
-    overrides: dict[str, Any]
-    inputs: dict[str, str]
-    gauge: GaugeRecord
-    parameters: dict[str, Any]
-    excluded: list[Annotated[list[int | float | str], Field(min_length=1)]]
-    cases: dict[str, CaseRecord] = Field(min_length=1)
-
-    @model_validator(mode="after")
-    def _has_one_grid(self) -> "PlanRecord":
-        if any(list(case.design) != self.dims for case in self.cases.values()):
-            raise ValueError("cases have other dimensions than the plan")
-        return self
-
-
-class FailureRecord(BaseModel):
-    """What is read of a line of ``failures.jsonl``."""
-
-    case_id: str
-    status: Literal["failed", "not_converged"]
-    reason: str = Field(min_length=1)
-    case: dict[str, Any] = Field(min_length=1)
 
 
 class CaseState(Enum):
@@ -137,17 +91,17 @@ def label_text(dims: Iterable[str], design: Iterable[Any]) -> str:
 
 def read_plan(folder: Path) -> dict[str, Any]:
     """The record of a folder's plan."""
-    path, hint = folder / PLAN, "plan the workflow again"
+    path = folder / PLAN
     try:
         text = path.read_text(encoding="utf-8")
+        record: dict[str, Any] = json.loads(text)
     except FileNotFoundError as error:
-        message = "does not exist; plan or run the workflow first"
-        raise invalid(str(path), message) from error
-    except (OSError, UnicodeError) as error:
-        raise invalid(str(path), f"cannot be read ({error}); {hint}") from error
+        raise invalid(str(path), "does not exist; plan or run the workflow first") from error
+    except ValueError as error:
+        raise invalid(str(path), f"is not a plan ({error}); plan the workflow again") from error
     if is_damaged_json(text):
-        raise invalid(str(path), f"is not as it was written; {hint}")
-    return json_table(text, str(path), PlanRecord, f"is not a plan; {hint}")
+        raise invalid(str(path), "is not as it was written; plan the workflow again")
+    return record
 
 
 def planned_designs(record: Mapping[str, Any]) -> dict[str, Labels]:
@@ -165,8 +119,7 @@ def earlier_failures(folder: Path) -> dict[str, Failure]:
     """Entries for designs that were not ok when a run last ended, by case identifier."""
     try:
         lines = (folder / FAILURES).read_text(encoding="utf-8").splitlines()
-        entries = [json_table(line, FAILURES, FailureRecord, "is damaged") for line in lines]
-        return {entry["case_id"]: entry for entry in entries}
+        return {entry["case_id"]: entry for entry in map(json.loads, lines)}
     except (OSError, ValueError):
         return {}  # every run rewrites the file, and no result depends on it
 

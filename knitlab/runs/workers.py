@@ -228,7 +228,7 @@ def connected(scheduler: str) -> "Client":
             with socket.create_connection(place, SECONDS_TO_ANSWER) as line:
                 line.recv(1)
         return Client(scheduler, timeout=10)
-    except (OSError, ValueError, MemoryError) as error:  # the last of another program
+    except (OSError, ValueError) as error:
         message = f"no dask scheduler answers ({error}); check the address"
         raise invalid(f"scheduler {scheduler}", message) from error
 

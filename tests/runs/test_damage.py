@@ -21,7 +21,7 @@ from knitlab.cubes.cube_file import open_cube
 from knitlab.cubes.query import query_cubes
 from knitlab.figures.claims_page import _escaped
 from knitlab.figures.explorer.explorer import write_explorer
-from knitlab.io.checksum import LENGTH, json_with_checksum
+from knitlab.io.checksum import LENGTH
 from knitlab.io.errors import InputError
 from knitlab.io.image_file import read_image
 from knitlab.io.names import is_name, one_line
@@ -157,28 +157,6 @@ def test_variables_of_other_programs_are_left_out(folder, undamaged, dims, tmp_p
     shutil.copy(tmp_path / "other.nc", folder / "cube.nc")
     for run in (ran(folder).cube, merge_folders([folder], tmp_path / "merged").cube):
         xr.testing.assert_identical(numbers(run), numbers(undamaged[1]))
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"dims": []},
-        {"gauge": {}},
-        {"cases": {"a": {"design": None}}},
-        "[" * 100_000,
-    ],
-)
-def test_a_plan_that_does_not_match_the_schema_is_named_and_replaced(folder, change, tmp_path):
-    text = change
-    if isinstance(change, dict):
-        record = json.loads((folder / "plan.json").read_text()) | change
-        text = json_with_checksum(json.dumps(record, indent=1) + "\n")
-    (folder / "plan.json").write_text(text)
-    with pytest.raises(InputError, match=r"plan\.json"):
-        status("periodic", results=tmp_path)
-    with pytest.raises(InputError, match=r"plan\.json"):
-        merge_folders([folder], tmp_path / "merged")
-    assert not ran(folder).failures
 
 
 def with_unknown_status(cube):
