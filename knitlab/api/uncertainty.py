@@ -20,9 +20,7 @@ from knitlab.runs.stripe_samples import write_samples
 
 
 def uncertainty(
-    *cubes: Cube,
-    material: str | Path | Material | None = None,
-    uncertainty_of: str | None = None,
+    *cubes: Cube, material: str | Path | Material | None = None, uncertainty_of: str | None = None
 ) -> xr.Dataset:
     """Standard deviations of Poisson's ratio and force, and the stripe numbers they are due to.
 

@@ -18,13 +18,7 @@ from knitlab.io.lock import locked
 from knitlab.io.names import named_folder
 from knitlab.observables.status import Status
 from knitlab.runs import results_folder
-from knitlab.runs.cube import (
-    GAUGE_ATTRIBUTES,
-    MAY_DIFFER,
-    build_cube,
-    joined_cubes,
-    validated_cube,
-)
+from knitlab.runs.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube, joined_cubes, validated_cube
 from knitlab.runs.plan import joined_plan
 from knitlab.runs.reproduce import CURVES, comparison
 from knitlab.runs.results_folder import PLAN, CubeDesign, Failure, Labels

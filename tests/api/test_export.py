@@ -128,10 +128,7 @@ def test_a_design_that_did_not_reach_its_last_strains_is_exported_up_to_there(re
     case["position"][10:] = np.nan
     write_case_file(results, CASE_ID, case.assign_attrs(reason="no equilibrium at 0.3"))
     change_cube(results, status=Status.not_converged)
-    with pytest.raises(
-        InputError,
-        match=r"applied_strain 0.36.*no equilibrium at 0.3.*0.27",
-    ):
+    with pytest.raises(InputError, match=r"applied_strain 0.36.*no equilibrium at 0.3.*0.27"):
         kl.export(results, tmp_path / "a.vtu", **ONE, applied_strain=0.36)
     exported = kl.export(results, tmp_path / "a.pvd", **ONE)
     assert exported.applied_strain[-1] == 0.27

@@ -164,9 +164,7 @@ def test_derivatives_of_every_kind_of_target_are_those_of_finite_differences(tmp
         table["settings"]["unit_cells"] = [1, 1]
     space = search_space(checked_request("sleeve", table))
     asked = objective(
-        *wanted,
-        subject_to=["0 < reaction_force < 9 @ 0.03:0.06"],
-        slopes=space.parameter_slopes(),
+        *wanted, subject_to=["0 < reaction_force < 9 @ 0.03:0.06"], slopes=space.parameter_slopes()
     )
     point = np.array([0.4, 0.6, 0.5, 0.45, 0.5])
 

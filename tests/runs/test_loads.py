@@ -15,11 +15,7 @@ PERIODIC = ("n_stripe=4", "n_subunit=16", "robustness=0")
 def test_lists_of_loads_are_dimensions():
     plan = make_plan("periodic", (*PERIODIC, "load=warp,weft,biaxial", "load_ratio=1"))
     loads = {case.design["load"]: case.load for case in plan.cases.values()}
-    assert loads == {
-        "warp": Warp(),
-        "weft": Weft(),
-        "biaxial": Biaxial(ratio=1.0),
-    }
+    assert loads == {"warp": Warp(), "weft": Weft(), "biaxial": Biaxial(ratio=1.0)}
     angles = make_plan("periodic", (*PERIODIC, "load=off_axis", "load_angle=0,45"))
     assert [case.load.angle for case in angles.cases.values()] == [0, 45]
     assert angles.dims[-1] == "load_angle"

@@ -55,8 +55,7 @@ def test_each_stripe_quantity_can_be_replaced_and_multiplied_for_one_knit_or_bot
 
 
 @pytest.mark.parametrize(
-    ("table", "file"),
-    [(Solver, "solver"), (Dynamics, "dynamics"), (Model, "model")],
+    ("table", "file"), [(Solver, "solver"), (Dynamics, "dynamics"), (Model, "model")]
 )
 def test_defaults_of_tables_are_those_of_their_files(table, file):
     assert asdict(table()) == asdict(getattr(read_parameters(shipped("params")), file))
