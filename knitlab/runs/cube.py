@@ -23,7 +23,7 @@ from knitlab.cubes.cube_file import (
     read_cube,
     shared,
 )
-from knitlab.cubes.normalised import TEXTS, NoCube
+from knitlab.cubes.normalised import TEXTS, NoCube, require
 from knitlab.io.errors import invalid
 from knitlab.io.provenance import provenance
 from knitlab.model.stitches import Gauge
@@ -79,12 +79,9 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
 
 
 def validated_cube(cube: xr.Dataset, path: Path) -> xr.Dataset:
-    """What a run stores of the simulated cube of a path; InputError if it lacks what all have."""
+    """What a run stores of the simulated cube of a path; NoCube if it lacks what all have."""
     cube = known_variables(cube)
-    if not {*UNIT_CELLS, "code"} <= set(cube):
-        raise invalid(
-            str(path), "was written by another version of knitlab; name another results folder"
-        )
+    require(cube, (*UNIT_CELLS, "code"), "runs", str(path))
     return cube
 
 

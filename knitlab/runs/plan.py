@@ -222,8 +222,8 @@ def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
         },
         overrides=dict(first["overrides"]) if alike else {},
         inputs=dict(first["inputs"]) if alike else {},
-        stripes=first.get("stripes", ""),
+        stripes=first["stripes"],
         gauge=Gauge(**first["gauge"]),
-        material=first.get("material"),
-        yarn=None if (yarn := first.get("yarn")) is None else YarnOnMachine(**yarn),
+        material=first["material"],
+        yarn=first["yarn"] and YarnOnMachine(**first["yarn"]),
     )

@@ -16,7 +16,7 @@ from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.limits import MAX_CASE_TIMEOUT
 from knitlab.io.lock import brief_lock, locked, running_shards
-from knitlab.io.provenance import MODEL, stored_model
+from knitlab.io.provenance import MODEL
 from knitlab.observables.status import Status
 from knitlab.runs import results_folder, workers
 from knitlab.runs.batches import Shard, workers_that_fit
@@ -145,7 +145,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             # Another shard that has its lock may still wait to write its plan.
             if (results / PLAN).exists() and _others_run(results, shard):
                 recorded = results_folder.read_plan(results)
-                same_model = stored_model(recorded.get("code", "")) == MODEL
+                same_model = recorded["code"] == MODEL
                 if not same_model or recorded["cases"].keys() != plan.cases.keys():
                     message = "has other cases or another model than this plan, and its shards run"
                     hint = "wait for them, or name another results folder"

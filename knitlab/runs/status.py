@@ -128,7 +128,7 @@ def finished_plan(
         record = read_plan(folder)
         if (
             record["overrides"] == {each.name: each.value for each in read_overrides(overrides)[0]}
-            and record.get("package") == package_digest()
+            and record["package"] == package_digest()
             and str(path.resolve()) in record["inputs"]
             and not changed_inputs(record)
         ):

@@ -3,9 +3,11 @@
 import doctest
 import importlib
 import inspect
+import logging
 import subprocess
 import sys
 
+import jax
 import pytest
 
 import knitlab
@@ -51,11 +53,16 @@ LONG = {"calibrate_friction"}  # examples that are run nightly
         for each in examples()
     ],
 )
-def test_examples_run(example, tmp_path, monkeypatch):
+def test_examples_run_in_double_precision_whatever_jax_is_set_to(
+    example, tmp_path, monkeypatch, caplog
+):
     monkeypatch.chdir(knitlab.__path__[0] + "/..")
     example.globs = {"folder": tmp_path, "kl": knitlab}
-    failed = doctest.DocTestRunner(verbose=False).run(example).failed
+    caplog.set_level(logging.DEBUG, "jax")
+    with jax.enable_x64(False), jax.log_compiles():
+        failed = doctest.DocTestRunner(verbose=False).run(example).failed
     assert not failed
+    assert not [each.getMessage() for each in caplog.records if "float32" in each.getMessage()]
 
 
 def test_every_figure_has_a_function():

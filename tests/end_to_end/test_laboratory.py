@@ -1,6 +1,5 @@
 """The tutorial of the laboratory, command by command."""
 
-import re
 import shutil
 from pathlib import Path
 
@@ -10,26 +9,13 @@ from click.testing import CliRunner
 
 from knitlab.cli import main
 from knitlab.cubes.cube_file import open_cube
+from tests.end_to_end.test_documentation import examples
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "tutorials" / "experiment.md"
+PAGE = "docs/tutorials/experiment.md"
 REFERENCE = ROOT / "results" / "reference" / "laboratory"
-COMMAND = re.compile(r"^    \$ knitlab (.*)$")
 QUICK = ("import", "query", "compare")
 """Commands that simulate nothing."""
-
-
-def shown() -> list[tuple[list[str], list[str]]]:
-    """Quick commands of the page, and the output that it shows of each."""
-    found: list[tuple[list[str], list[str]]] = []
-    for line in PAGE.read_text().splitlines():
-        if command := COMMAND.match(line):
-            found.append((command[1].split(), []))
-        elif line.startswith("    ") and found:
-            found[-1][1].append(line[4:].rstrip())
-        elif line and found:
-            found.append(([], []))
-    return [(command, output) for command, output in found if command and command[0] in QUICK]
 
 
 @pytest.fixture
@@ -43,12 +29,12 @@ def results_folder(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_the_tutorial_shows_the_output_of_its_commands(results_folder):
-    commands = shown()
-    assert [command[0] for command, _ in commands] == [*["import"] * 3, "query", "compare"]
-    for command, output in commands:
-        result = CliRunner().invoke(main, command)
+    quick = [example for example in examples(PAGE) if example.words[0] in QUICK]
+    assert [example.words[0] for example in quick] == [*["import"] * 3, "query", "compare"]
+    for example in quick:
+        result = CliRunner().invoke(main, example.words)
         assert result.exit_code == 0, result.output
-        assert [line.rstrip() for line in result.stdout.splitlines()] == output
+        assert [line.rstrip() for line in result.stdout.splitlines()] == [*example.printed]
 
 
 @pytest.mark.slow

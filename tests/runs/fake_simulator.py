@@ -23,7 +23,9 @@ from knitlab.observables.sensitivity import STRIPE_PARAMETERS
 from knitlab.observables.status import Status
 from knitlab.observables.wavelength import POINTS
 from knitlab.runs.plan import make_plan
+from knitlab.runs.results_folder import planned_designs, read_plan
 from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.status import folder_status
 from tests.file_events import kill_fork
 
 ONE_OF_XLA = os.environ.get("PJRT_NPROC")
@@ -71,6 +73,20 @@ def simulate(results, cases, progress):
     for case in cases:
         write(results, case)
         progress(case.case_id, len(case.applied_strain))
+
+
+def ran(plan, results, simulate=simulate, **options):
+    return run_plan(plan, results, RunOptions(simulate=simulate, **options))
+
+
+def same(one, other):
+    xr.testing.assert_identical(one.drop_attrs(), other.drop_attrs())
+
+
+def counts(folder):
+    """Designs of the plan of a results folder by status."""
+    record = read_plan(folder)
+    return folder_status(folder, record["dims"], planned_designs(record), check=True).counts
 
 
 def simulate_and_announce(results, cases, progress):
@@ -149,8 +165,7 @@ def kill_again_and_again(results, kills):
 
 def kill_at_a_change(plan, results, count, begun):
     """Kill a run before its change of a file of this number, or just after it has begun."""
-    options = RunOptions(simulate=simulate)
-    kill_fork(lambda: run_plan(plan, results, options), results, count, begun=begun)
+    kill_fork(lambda: ran(plan, results), results, count, begun=begun)
 
 
 def die_within_a_case(plan, results, size):
@@ -164,7 +179,7 @@ def die_within_a_case(plan, results, size):
     if not child:
         signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        run_plan(plan, results, RunOptions(simulate=simulate_with_little_room))
+        ran(plan, results, simulate_with_little_room)
         os._exit(0)
     _, status = os.waitpid(child, 0)
     if not os.WIFSIGNALED(status):
@@ -172,7 +187,7 @@ def die_within_a_case(plan, results, size):
 
 
 def run_here(results, workers):
-    run_plan(plan_of(), results, RunOptions(workers=workers, simulate=simulate_and_announce))
+    ran(plan_of(), results, simulate_and_announce, workers=workers)
 
 
 if __name__ == "__main__":

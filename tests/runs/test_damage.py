@@ -28,7 +28,6 @@ from knitlab.io.names import is_name, one_line
 from knitlab.runs.merge import merge_folders
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import CaseState
-from knitlab.runs.run import RunOptions, run_plan
 from knitlab.runs.status import status
 from knitlab.runs.workers import connected
 from tests.runs import fake_simulator
@@ -44,8 +43,7 @@ FEW = ("n_stripe=4", "n_subunit=16,32", "strain_max=0.06")
 
 
 def ran(folder, plan=None):
-    plan = plan or make_plan("periodic", FEW)
-    return run_plan(plan, folder, RunOptions(simulate=fake_simulator.simulate))
+    return fake_simulator.ran(plan or make_plan("periodic", FEW), folder)
 
 
 @pytest.fixture(scope="module")
@@ -199,13 +197,6 @@ def test_a_cube_that_lost_strains_is_read_and_completed(folder, undamaged):
     xr.load_dataset(folder / "cube.nc").isel(applied_strain=1).to_netcdf(folder / "cube.nc")
     assert open_cube(folder)["poisson_ratio"].sizes["applied_strain"] == 1
     xr.testing.assert_identical(numbers(ran(folder).cube), numbers(undamaged[1]))
-
-
-def test_a_cube_without_unit_cells_is_of_another_version(folder, tmp_path):
-    xr.load_dataset(folder / "cube.nc").drop_vars("unit_cells_x").to_netcdf(folder / "cube.nc")
-    for use in (ran, lambda folder: merge_folders([folder], tmp_path / "merged")):
-        with pytest.raises(InputError, match=r"cube\.nc: .*version"):
-            use(folder)
 
 
 @pytest.mark.parametrize("complete", [True, False])

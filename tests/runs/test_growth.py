@@ -9,30 +9,24 @@ import pytest
 import xarray as xr
 
 import knitlab
-from knitlab.cubes.case_file import case_path, write_case_file
 from knitlab.cubes.cube_file import read_cube
 from knitlab.figures.drawing import draw_figure, draw_figures
 from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.observables.status import Status
 from knitlab.runs import results_folder
-from knitlab.runs.cube import build_cube
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import CaseState, changed_inputs, read_plan
-from knitlab.runs.run import RunOptions, run_plan
 from knitlab.runs.status import folder_status
 from knitlab.solvers.case import case_of
 from tests.runs import fake_simulator
+from tests.runs.fake_simulator import ran
 
 PAIRS = ("n_stripe=4", "n_subunit=16,24", "strain_max=0.06")
 
 
 def planned(*overrides):
     return make_plan("periodic", overrides)
-
-
-def ran(plan, results, **options):
-    return run_plan(plan, results, RunOptions(simulate=fake_simulator.simulate, **options))
 
 
 def bits(cube, **labels):
@@ -228,15 +222,3 @@ def test_query_and_figures_slice_swept_settings(tmp_path):
     assert [path.name for path in figures] == [
         f"auxetic_k_t_factor-{value}.png" for value in (0.8, 1.2)
     ]
-
-
-def test_a_case_file_of_an_earlier_version_leaves_out_what_it_does_not_have(tmp_path):
-    plan = fake_simulator.plan_of(factors=1)
-    case_id, case = next(iter(plan.cases.items()))
-    fake_simulator.write(tmp_path, case)
-    written = xr.load_dataset(case_path(tmp_path, case_id))
-    write_case_file(tmp_path, case_id, written.drop_vars("self_intersections"))
-    cube = build_cube(plan, tmp_path, None, {}, ())
-    design = cube.sel(case.design)
-    assert design["self_intersections"].isnull().all()
-    assert (design["iterations"] == 1).all()

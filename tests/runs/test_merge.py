@@ -16,23 +16,13 @@ from knitlab.runs.batches import Shard
 from knitlab.runs.cube import joined_cubes
 from knitlab.runs.merge import merge_folders
 from knitlab.runs.plan import make_plan
-from knitlab.runs.results_folder import planned_designs, read_plan
-from knitlab.runs.run import RunOptions, run_plan
-from knitlab.runs.status import folder_status
 from tests.file_events import kill_fork
 from tests.runs import fake_simulator
+from tests.runs.fake_simulator import counts, ran, same
 
 COUNT = 3
 HERE = Path(__file__).resolve().parents[2]
 SMALL = ("n_stripe=4,8", "n_subunit=16,32", "strain_max=0.06")
-
-
-def ran(plan, results, shard=None, simulate=fake_simulator.simulate):
-    return run_plan(plan, results, RunOptions(simulate=simulate, shard=shard))
-
-
-def same(one, other):
-    xr.testing.assert_identical(one.drop_attrs(), other.drop_attrs())
 
 
 def files(folder):
@@ -42,11 +32,6 @@ def files(folder):
         for path in folder.rglob("*")
         if path.is_file() and not path.name.startswith(".lock")
     }
-
-
-def counts(folder):
-    record = read_plan(folder)
-    return folder_status(folder, record["dims"], planned_designs(record), check=True).counts
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +45,7 @@ def finished(plan, tmp_path_factory):
     folder = tmp_path_factory.mktemp("finished")
     ran(plan, folder / "whole" / "periodic")
     for number in range(1, COUNT + 1):
-        ran(plan, folder / f"shard-{number}" / "periodic", Shard(number, COUNT))
+        ran(plan, folder / f"shard-{number}" / "periodic", shard=Shard(number, COUNT))
     return folder
 
 
@@ -110,7 +95,7 @@ def test_a_shard_that_was_killed_before_its_cube_is_merged_too(made, tmp_path, f
 
 @pytest.mark.slow
 def test_failures_are_merged(made, tmp_path, plan):
-    bad = ran(plan, made / "bad" / "periodic", Shard(1, 1), fake_simulator.simulate_poisoned)
+    bad = ran(plan, made / "bad" / "periodic", fake_simulator.simulate_poisoned)
     merged = merge_folders([made / "bad"], tmp_path)
     assert counts(merged.folder)["failed"] == len(bad.failures) > 0
     lines = (merged.folder / "failures.jsonl").read_text().splitlines()

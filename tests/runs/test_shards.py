@@ -15,10 +15,10 @@ from knitlab.io.lock import locked, running_shards
 from knitlab.observables.status import Status
 from knitlab.runs.batches import Shard
 from knitlab.runs.plan import make_plan
-from knitlab.runs.results_folder import PLAN, planned_designs, read_plan
+from knitlab.runs.results_folder import PLAN, read_plan
 from knitlab.runs.run import RunOptions, run_plan
-from knitlab.runs.status import folder_status
 from tests.runs import fake_simulator
+from tests.runs.fake_simulator import counts, same
 
 HERE = Path(__file__).resolve().parents[2]
 COUNT = 3
@@ -27,15 +27,6 @@ COUNT = 3
 def ran(plan, results, shard=None, simulate=fake_simulator.simulate, **options):
     chosen = None if shard is None else Shard(shard, COUNT)
     return run_plan(plan, results, RunOptions(simulate=simulate, shard=chosen, **options))
-
-
-def same(one, other):
-    xr.testing.assert_identical(one.drop_attrs(), other.drop_attrs())
-
-
-def counts(folder):
-    record = read_plan(folder)
-    return folder_status(folder, record["dims"], planned_designs(record), check=True).counts
 
 
 def left(folder):

@@ -1,6 +1,5 @@
 """Sweeps survive kills, failing cases, damage, full disks and second runs; by a fake simulator."""
 
-import json
 import mmap
 import os
 import shutil
@@ -25,8 +24,8 @@ from knitlab.observables.status import Status
 from knitlab.runs import results_folder
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import CaseState, read_plan
-from knitlab.runs.run import RunOptions, run_plan
 from tests.runs import fake_simulator
+from tests.runs.fake_simulator import ran, same
 
 HERE = Path(__file__).resolve().parents[2]
 WORKERS = 2
@@ -41,14 +40,6 @@ def plan_of(factors=1):
 def few_cases():
     """Four cases, two of them bad; a good and a bad one share a batch."""
     return make_plan("periodic", ("n_stripe=4,8", "n_subunit=16,32", "strain_max=0.06"))
-
-
-def ran(plan, results, simulate=fake_simulator.simulate, **options):
-    return run_plan(plan, results, RunOptions(simulate=simulate, **options))
-
-
-def same(one, other):
-    xr.testing.assert_identical(one.drop_attrs(), other.drop_attrs())
 
 
 def statuses(run):
@@ -401,15 +392,3 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(CannotWrite, match="cannot be written"):
         ran(plan_of(), tmp_path / "file" / "results")
-
-
-def test_failures_hold_what_reproduces_them(tmp_path):
-    from knitlab.solvers.case import case_of
-
-    plan = plan_of()
-    run = ran(plan, tmp_path, fake_simulator.simulate_unconverged)
-    lines = [json.loads(line) for line in (tmp_path / "failures.jsonl").read_text().splitlines()]
-    assert lines == json.loads(json.dumps(run.failures))
-    for line in lines:
-        assert case_of(line["case"]) == plan.cases[line["case_id"]]
-        assert line["reason"] == "synthetic"

@@ -23,10 +23,7 @@ def test_a_plan_and_its_file_keep_what_a_material_says_of_its_yarn(tmp_path):
     plan.write(tmp_path / "plan.json")
     record = json.loads((tmp_path / "plan.json").read_text())
     assert joined_plan([record], "plan.json").yarn == plan.yarn
-    # Neither the paper's yarn nor a plan of before says anything of it.
     assert make_plan("periodic", SETTINGS).yarn is None
-    del record["yarn"]
-    assert joined_plan([record], "plan.json").yarn is None
 
 
 @pytest.mark.parametrize("yarn", [MERINO.on_machine, YarnOnMachine(), YarnOnMachine(yarn="a")])

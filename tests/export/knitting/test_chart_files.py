@@ -204,18 +204,17 @@ def test_a_carrier_that_knits_nothing_is_refused(tmp_path):
         kl.read_chart(path, carrier=9)
 
 
-def test_a_transparent_image_is_refused(tmp_path):
-    path = tmp_path / "chart.png"
-    Image.fromarray(np.zeros((4, 4, 4), "u1")).save(path)
-    with refused("chart.png", "transparent", "opaque"):
-        kl.read_chart(path)
-
-
-def test_an_image_of_many_colours_is_refused(tmp_path):
-    path = tmp_path / "chart.png"
-    Image.fromarray(np.array([[[0, 0, 0], [9, 9, 9], [255, 255, 255]]], "u1")).save(path)
-    with refused("chart.png", "3 colours", "two colours"):
-        kl.read_chart(path)
+@pytest.mark.parametrize(
+    ("pixels", "words"),
+    [
+        (np.zeros((4, 4, 4)), ["transparent", "opaque"]),
+        ([[[0, 0, 0], [9, 9, 9], [255, 255, 255]]], ["3 colours", "two colours"]),
+    ],
+)
+def test_an_image_that_is_transparent_or_of_many_colours_is_refused(tmp_path, pixels, words):
+    Image.fromarray(np.array(pixels, "u1")).save(tmp_path / "chart.png")
+    with refused("chart.png", *words):
+        kl.read_chart(tmp_path / "chart.png")
 
 
 @pytest.mark.parametrize("other", [(0, 0, 255), (255, 0, 0), (255, 200, 0), (0, 200, 0)])
