@@ -197,11 +197,9 @@ def one_of(overrides: Overrides, settings: Mapping[str, Any]) -> Overrides:
 
 def excluded_designs(dims: Sequence[str], excluded: Mapping[tuple[Any, ...], str]) -> list[str]:
     """Lines that name the designs that are excluded, and say why."""
-    lines = []
-    for design, reason in excluded.items():
-        labels = "  ".join(f"{dim} {label}" for dim, label in zip(dims, design, strict=False))
-        lines.append(f"{labels}: {reason}")
-    return lines
+    from knitlab.runs.results_folder import label_text
+
+    return [f"{label_text(dims, design)}: {reason}" for design, reason in excluded.items()]
 
 
 def merge(

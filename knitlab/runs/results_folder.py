@@ -86,7 +86,7 @@ def case_states(
 
 def label_text(dims: Iterable[str], design: Iterable[Any]) -> str:
     """A design as text."""
-    return "  ".join(f"{name} {label}" for name, label in zip(dims, design, strict=True))
+    return "  ".join(f"{name} {label}" for name, label in zip(dims, design, strict=False))
 
 
 def read_plan(folder: Path) -> dict[str, Any]:

@@ -89,10 +89,8 @@ def stripe_covariance(
         raise invalid(where, f"has no scatter of repeats, so a new swatch is not known; {hint}")
     where, names = f"{where}: covariance", list(table)
     known = [*NUMBERS, *([] if stripe.stiffening_strain is None else [STIFFENING])]
-    if unknown_names := sorted(
-        {*names, *(name for row in table.values() for name in row)} - {*known}
-    ):
-        listed = shortened(", ".join(map(repr, unknown_names)))
+    if others := {*names} - {*known}:
+        listed = shortened(", ".join(map(repr, sorted(others))))
         raise invalid(where, f"names {listed}; give numbers of {', '.join(known)}")
     if any({*row} != {*names} for row in table.values()) or not names:
         raise invalid(where, f"has rows that are not each of {', '.join(names)}; complete them")

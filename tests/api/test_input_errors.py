@@ -6,6 +6,7 @@ import pytest
 import knitlab as kl
 
 STRIPE = {"knit": "rib", "n": 4, "period": 1.4, "k_s": 0.8, "theta_0": 0.7, "k_t": 0.01}
+RIB = kl.Stripe(**STRIPE)
 CAPACITOR = {
     "layout": kl.ElectrodeLayout(),
     "electrode_length": 10.0,
@@ -53,6 +54,15 @@ CAPACITOR = {
         (kl.Friction, {"fold_friction": -1.0}, "fold_friction", "-1"),
         (kl.Gauge, {"stitch_width": 0.0, "stitch_height": 1.0}, "stitch_width", "0"),
         (kl.Material, {"stripes": ()}, "stripes", "give"),
+        (kl.Material, {"stripes": (RIB, RIB)}, "rib 4", "twice"),
+        (kl.Material, {"stripes": (RIB,), "z_max": -1.0}, "z_max", "-1"),
+        (kl.Material, {"stripes": (RIB,), "surface_density": -2}, "surface_density", "-2"),
+        (kl.Material, {"stripes": (RIB,), "stitch_size": -1}, "stitch_size", "-1"),
+        (kl.Material, {"stripes": (RIB,), "plated_stitch_size": "a"}, "plated_stitch_size", "a"),
+        (kl.Material, {"stripes": (RIB,), "yarn": "two\nlines"}, "yarn", "printed"),
+        (kl.Material, {"stripes": (RIB,), "machine": ""}, "machine", "1 character"),
+        (kl.Material, {"stripes": (RIB,), "name": "\u202ea"}, "name", "printed"),
+        (kl.Material, {"stripes": (RIB,), "name": "a" * 501}, "name", "500"),
     ],
 )
 def test_an_invalid_value_is_an_input_error_that_names_it(kind, values, field, given):

@@ -19,13 +19,6 @@ def test_cycles_are_a_dimension_and_take_their_time():
     assert seconds([third]) > seconds([first])
 
 
-def test_numbers_that_friction_does_not_use_name_no_case():
-    plain, other = (make_plan("periodic", (*ONE, *more)) for more in ((), ("fold_slide=0.2",)))
-    assert plain.cases.keys() == other.cases.keys()
-    used = make_plan("periodic", (*ONE, "fold_slide=0.2", "fold_friction=0.1"))
-    assert plain.cases.keys() != used.cases.keys()
-
-
 def test_a_set_is_where_the_force_of_unloading_vanishes():
     strain = np.array([0.0, 0.1, 0.2, 0.3])
     back = xr.DataArray(

@@ -11,7 +11,6 @@ from knitlab.cubes.derived import with_derived
 from knitlab.observables.knit_size import ALONG_X, ALONG_Y
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import CaseState
-from knitlab.runs.run import RunOptions, run_plan
 from tests.runs import fake_simulator
 
 SIZES = (*ALONG_X, *ALONG_Y)
@@ -20,7 +19,7 @@ DESIGN = ("n_stripe=4", "n_subunit=16,24", "strain_max=0.03", "strain_step=0.03"
 
 def ran(results, *overrides, workflow="paper", simulate=fake_simulator.simulate):
     plan = make_plan(workflow, (*DESIGN, *overrides) if workflow == "paper" else overrides)
-    return run_plan(plan, results, RunOptions(simulate=simulate))
+    return fake_simulator.ran(plan, results, simulate)
 
 
 def never(results, cases, progress):

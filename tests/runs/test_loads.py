@@ -21,12 +21,6 @@ def test_lists_of_loads_are_dimensions():
     assert angles.dims[-1] == "load_angle"
 
 
-def test_a_pull_along_the_warp_keeps_its_identifier():
-    (one,) = make_plan("periodic", PERIODIC).cases
-    (other,) = make_plan("periodic", (*PERIODIC, "load=warp", "load_angle=30")).cases
-    assert one == other
-
-
 @pytest.mark.slow
 def test_measures_follow_the_direction_of_the_load():
     """A pull along the weft is one at 0°; the ratio of ν to stiffness is that along the warp."""

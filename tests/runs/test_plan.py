@@ -108,23 +108,22 @@ def test_a_workflow_may_be_a_file_of_the_same_form(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "override",
+    ("overrides", "same"),
     [
-        "z_max=5.9",
-        "hinges=fold_lines",
-        "strain_max=0.42",
-        "tolerance=1e-9",
-        "unit_cells=1,2",
-        "garter_start=mountain",
-        "pattern=RG,GR",
+        *((override, False) for override in ["z_max=5.9", "strain_max=0.42", "tolerance=1e-9"]),
+        *((override, False) for override in ["hinges=fold_lines", "garter_start=mountain"]),
+        *((override, False) for override in ["unit_cells=1,2", "pattern=RG,GR"]),
+        ("load=warp load_angle=30", True),
+        ("fold_slide=0.2", True),
+        ("fold_friction=0.1", False),
     ],
 )
-def test_whatever_changes_numbers_changes_the_identifier(override):
+def test_what_changes_numbers_and_nothing_else_changes_the_identifier(overrides, same):
     design = ("n_stripe=4", "n_subunit=16")
     (one,), (other,) = (
-        make_plan("periodic", settings).cases for settings in (design, (*design, override))
+        make_plan("periodic", (*design, *more)).cases for more in ((), overrides.split())
     )
-    assert one != other
+    assert (one == other) is same
 
 
 def test_what_changes_no_number_leaves_the_identifier(tmp_path):
@@ -214,15 +213,18 @@ def test_a_mistake_in_a_workflow_is_reported_once_with_its_remedy(tmp_path, line
 
 
 @pytest.mark.parametrize(
-    ("setting", "said"),
+    ("workflow", "setting", "said"),
     [
-        ("strain_max=9", ("strain_max = 9", "0.2 to 0.6")),
-        ("k_t_factor=1e4", ("k_t of rib 4", "178 N", "0.0048 to 0.0498 N")),
-        ("rib_period=0.01", ("period of rib 4", "0.01 mm", "1.09 to 2.44 mm")),
+        ("periodic", "strain_max=9", ("strain_max = 9", "0.2 to 0.6")),
+        ("periodic", "k_t_factor=1e4", ("k_t of rib 4", "178 N", "0.0048 to 0.0498 N")),
+        ("periodic", "rib_period=0.01", ("period of rib 4", "0.01 mm", "1.09 to 2.44 mm")),
+        ("preview", "drag=1", ("drag = 1", "dynamics")),
+        ("periodic", "load_ratio=2", ("load_ratio", "load = warp", "load = biaxial")),
+        ("periodic", "cycle=2", ("cycle = 2", "friction")),
     ],
 )
-def test_an_unusual_value_gives_a_warning_with_the_usual_range(setting, said):
-    plan = make_plan("periodic", ("n_stripe=4", "n_subunit=16", "strain_step=0.03", setting))
+def test_what_is_unusual_or_ignored_is_said(workflow, setting, said):
+    plan = make_plan(workflow, ("n_stripe=4", "n_subunit=16", "strain_step=0.03", setting))
     assert any(all(part in warning for part in said) for warning in plan.warnings)
 
 

@@ -14,7 +14,6 @@ from knitlab.io.provenance import provenance
 from knitlab.observables.status import Status
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import CaseState
-from knitlab.runs.run import RunOptions, run_plan
 from tests.runs import fake_simulator
 
 CELLS = {16: (6, 3), 24: (4, 2), 32: (2, 1)}
@@ -26,9 +25,7 @@ def planned(*overrides):
 
 
 def ran(results, *overrides, **options):
-    return run_plan(
-        planned(*overrides), results, RunOptions(simulate=fake_simulator.simulate, **options)
-    )
+    return fake_simulator.ran(planned(*overrides), results, **options)
 
 
 def stored(results):
@@ -56,8 +53,9 @@ def test_successive_runs_give_the_cube_of_one_run(tmp_path, turns):
 def test_a_cube_states_the_sample_size_of_every_design(tmp_path, monkeypatch):
     ran(tmp_path, "n_subunit=16")
     monkeypatch.setattr(fake_simulator, "POISONED", 4)
-    options = RunOptions(simulate=fake_simulator.simulate_poisoned)
-    cube = run_plan(planned("n_subunit=16,24,32"), tmp_path, options).cube
+    cube = fake_simulator.ran(
+        planned("n_subunit=16,24,32"), tmp_path, fake_simulator.simulate_poisoned
+    ).cube
     assert cube["status"].values.ravel().tolist() == [Status.ok, Status.failed, Status.failed]
     for n_subunit, cells in CELLS.items():
         assert unit_cells(cube, 4, n_subunit) == cells

@@ -41,12 +41,3 @@ def test_calibrating_another_stripe_keeps_it(tmp_path):
     read = kl.Material.read(tmp_path / "merino.toml")
     assert len(read.stripes) == 3
     assert read.on_machine == MERINO.on_machine
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("stitch_size", -1), ("plated_stitch_size", "fine"), ("yarn", "two\nlines"), ("machine", "")],
-)
-def test_what_is_out_of_range_is_refused_by_its_name(name, value):
-    with pytest.raises(kl.InputError, match=name):
-        kl.Material(STRIPES, **{name: value})

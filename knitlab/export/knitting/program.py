@@ -104,12 +104,18 @@ def carriage_passes(program: Iterable[Operation]) -> list[CarriagePass]:
 def _goes_on(before: Operation, following: Operation) -> bool:
     if KINDS[before.opcode] != KINDS[following.opcode] or before.direction != following.direction:
         return False
-    step = following.needles[0].number - before.needles[0].number
     if following.opcode in DIRECTED:
-        ahead = step > 0 if following.direction == "+" else step < 0
-        return ahead and before.carriers == following.carriers
+        return is_ahead(before, following) and before.carriers == following.carriers
     same_bed = before.needles[0].front == following.needles[0].front
-    return step > 0 and (following.opcode == "drop" or same_bed)
+    ahead = following.needles[0].number > before.needles[0].number
+    return ahead and (following.opcode == "drop" or same_bed)
+
+
+def is_ahead(before: Operation, following: Operation) -> bool:
+    """Whether the carriage comes in one movement from a stitch to another."""
+    step = following.needles[0].number - before.needles[0].number
+    ahead = step > 0 if following.direction == "+" else step < 0
+    return ahead and before.direction == following.direction
 
 
 def duration(program: Iterable[Operation], machine: Machine) -> Duration:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool
 
-from knitlab.export.knitting.program import Needle, Operation, operations
+from knitlab.export.knitting.program import Needle, Operation, is_ahead, operations
 from knitlab.io.errors import invalid
 from knitlab.io.limits import MAX_STITCHES, MAX_TEXT
 from knitlab.io.text_file import read_text
@@ -92,7 +92,7 @@ def _knitted(
         counts = operation.line in counted and not joined
         if opcode in ("knit", "tuck") and needles and operation.carriers:
             (needle,) = needles
-            if last is None or not _goes_on(last, operation):
+            if last is None or not is_ahead(last, operation):
                 stitches += cast_on if is_course else []
                 cast_on = []
                 is_course = False
@@ -119,10 +119,3 @@ def _knitted(
         elif opcode in ("drop", "knit") and needles:
             loops[needles[0]] = 0
     return stitches + (cast_on if is_course else []), double, joined
-
-
-def _goes_on(before: Operation, following: Operation) -> bool:
-    """Whether two operations that form loops may be of one pass."""
-    step = following.needles[0].number - before.needles[0].number
-    ahead = step > 0 if following.direction == "+" else step < 0
-    return ahead and before.direction == following.direction
