@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.io.shipped import shipped
 from knitlab.model.cell_grid import CellGrid
 from knitlab.model.energy import (
     LANES,
@@ -32,7 +31,7 @@ from knitlab.model.pure_stripe import tension_across
 from knitlab.model.settings import FoldAngle, ModelOptions, PlainKnit, Sheet
 from knitlab.model.stripe import Knit, Stripe, StripePair
 from knitlab.model.zigzag import tension
-from knitlab.runs.parameters import read_parameters
+from knitlab.runs.parameters import defaults
 from knitlab.solvers.dynamics.damped_test import MovingFabrics
 from knitlab.solvers.dynamics.grid import Shape
 from knitlab.solvers.dynamics.settings import Dynamics
@@ -44,7 +43,7 @@ from knitlab.solvers.equilibrium.tensile_test import relax, stretch
 from knitlab.solvers.loads import WARP
 from knitlab.solvers.loads.load import Load
 
-PARAMETERS = read_parameters(shipped("params"))
+PARAMETERS = defaults()
 SHEET = Sheet(z_max=6.0, k_wall=100.0)
 PERIODIC = ModelOptions(cell_size="relaxed", boundary="periodic")
 CLAMPED = ModelOptions(cell_size="relaxed", boundary="clamped")

@@ -3,15 +3,13 @@
 import inspect
 from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
 from typing import Any, Literal, get_args
 
 import xarray as xr
-from pydantic import Field, ValidationError, create_model
+from pydantic import Field, create_model
 
 from knitlab.claims.checks import CHECKS
 from knitlab.claims.margin import CheckResult, NotMeasured
-from knitlab.io.errors import Mistake, pydantic_mistakes, raise_if_any, unknown
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_toml
 
@@ -67,25 +65,12 @@ class Claim(StrictModel):
             return error.result
 
 
-def read_claims(path: Path | None = None) -> list[Claim]:
-    """The claims of a file, by default ``params/claims.toml``; InputError lists all mistakes."""
-    path = path or shipped("params") / "claims.toml"
-    claims, mistakes = [], list[Mistake]()
-    for name, table in read_toml(path).items():
-        source, test = f"{path}: {name}", str(table.get("test"))
-        numbers = table.get("knitlab", {})
-        if test not in CHECKS:
-            mistakes.append(Mistake(f"{source}: test", unknown(test, CHECKS, "test")))
-        elif twice := table.keys() & numbers.keys():
-            message = "is the paper's number and knitlab's; keep one"
-            mistakes += [Mistake(f"{source}: {key}", message) for key in sorted(twice)]
-        else:
-            try:
-                claims.append(_schema(test).model_validate({"name": name} | table | numbers))
-            except ValidationError as error:
-                mistakes += pydantic_mistakes(error, source)
-    raise_if_any(mistakes)
-    return claims
+def read_claims() -> list[Claim]:
+    """The claims of ``params/claims.toml``."""
+    return [
+        _schema(table["test"]).model_validate({"name": name} | table | table.get("knitlab", {}))
+        for name, table in read_toml(shipped("params") / "claims.toml").items()
+    ]
 
 
 @cache

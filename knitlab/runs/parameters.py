@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt, RootModel, model_validator
 
-from knitlab.io.errors import ErrorCollector, Mistake, invalid, naming, raise_if_any, shown
+from knitlab.io.errors import ErrorCollector, invalid, naming, raise_if_any, shown
 from knitlab.io.names import Name
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_checked
@@ -329,43 +329,6 @@ FILES: dict[str, type[Any]] = {
 """Schemas of the parameter files, by name."""
 
 
-def read_parameters(folder: Path) -> Parameters:
-    """Read and check every file of a parameter folder."""
-    mistakes = ErrorCollector()
-    read: dict[str, Any] = {}
-    for name, schema in FILES.items():
-        with mistakes:
-            read[name] = read_checked(schema, folder / f"{name}.toml")
-    if "stripes" in read and "designs" in read:
-        # Sets can be checked against the stripes even if another file has mistakes.
-        mistakes.all += [
-            Mistake(f"{folder / 'designs.toml'}: {name}", message)
-            for name, members in read["designs"].root.items()
-            for pair in members.pairs
-            if (message := read["stripes"].impossible(*pair))
-        ]
-    raise_if_any(mistakes.all)
-    items = [item for file in read.values() for item in file]
-    stated = {name: entry for name, entry in items if isinstance(entry, ParameterValue)}
-    layouts = {
-        name: ElectrodeLayout(**row.model_dump(exclude={"source"}))
-        for name, row in read["electrodes"].layouts.items()
-    }
-    values = {name: entry.value for name, entry in stated.items()} | {"layout": ElectrodeLayout()}
-    tables = {
-        name: table(**{field: values[field] for field in declared(table)})
-        for name, table in TABLES.items()
-    }
-    return Parameters(
-        stripes=read["stripes"],
-        layouts=layouts,
-        designs=read["designs"],
-        patterns={name: (entry, folder) for name, entry in read["patterns"].root.items()},
-        sources={name: entry.source for name, entry in stated.items()},
-        **tables,
-    )
-
-
 def defaults() -> Parameters:
     """The values of ``params/*.toml``, which are used unless others are given.
 
@@ -374,9 +337,6 @@ def defaults() -> Parameters:
     Returns:
         Tables of settings, such as ``sheet``, ``solver`` and ``capacitor``; ``stripes``, of which
         ``stripes.stripe(knit, n)`` gives one; and the named ``layouts`` of electrodes.
-
-    Raises:
-        InputError: with every mistake in the files.
 
     Example:
         >>> from dataclasses import replace
@@ -388,7 +348,27 @@ def defaults() -> Parameters:
         >>> known.sheet.z_max, sheet.z_max
         (6.0, 2.0)
     """
-    return read_parameters(shipped("params"))
+    folder = shipped("params")
+    read: dict[str, Any] = {
+        name: read_checked(schema, folder / f"{name}.toml") for name, schema in FILES.items()
+    }
+    items = [item for file in read.values() for item in file]
+    stated = {name: entry for name, entry in items if isinstance(entry, ParameterValue)}
+    values = {name: entry.value for name, entry in stated.items()} | {"layout": ElectrodeLayout()}
+    return Parameters(
+        stripes=read["stripes"],
+        layouts={
+            name: ElectrodeLayout(**row.model_dump(exclude={"source"}))
+            for name, row in read["electrodes"].layouts.items()
+        },
+        designs=read["designs"],
+        patterns={name: (entry, folder) for name, entry in read["patterns"].root.items()},
+        sources={name: entry.source for name, entry in stated.items()},
+        **{
+            name: table(**{field: values[field] for field in declared(table)})
+            for name, table in TABLES.items()
+        },
+    )
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from knitlab.runs.case_settings import CaseSettings, Designs, overridden
 from knitlab.runs.cases import KINDS, cases, electrode_problems, with_pattern_files
 from knitlab.runs.declared_fields import FACTOR
 from knitlab.runs.material import MATERIAL, with_material_file
-from knitlab.runs.parameters import Parameters, read_parameters
+from knitlab.runs.parameters import Parameters, defaults
 from knitlab.runs.remarks import unusual_values
 from knitlab.runs.results_folder import Labels
 from knitlab.runs.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workflow
@@ -112,21 +112,16 @@ class Plan:
 
 
 @computing()
-def make_plan(
-    workflow: str, overrides: Overrides = (), parameter_folder: Path | None = None
-) -> Plan:
+def make_plan(workflow: str, overrides: Overrides = ()) -> Plan:
     """The plan of a workflow, by name or file, with overrides; InputError has every mistake."""
     text = workflow_text.read_workflow(workflow_file(workflow), overrides)
-    folder = parameter_folder or shipped("params")
-    mistakes, parameters, checked = ErrorCollector(), None, None
+    mistakes, parameters, checked = ErrorCollector(), defaults(), None
     axes = workflow_text.Axes()
     designs = Designs()
     planned: dict[str, Case] = {}
-    inputs = [text.path, *folder.glob("*.toml")]
+    inputs = [text.path, *shipped("params").glob("*.toml")]
     with mistakes:
-        parameters = read_parameters(folder)
-    with mistakes:
-        if parameters and (model := text.section("model")):
+        if model := text.section("model"):
             if model.material is not None:
                 inputs.append(text.folder(MATERIAL) / model.material)
                 parameters, text = with_material_file(inputs[-1], parameters, text)
@@ -136,14 +131,14 @@ def make_plan(
     with mistakes:
         checked, axes = text.checked()
     with mistakes:
-        if parameters and (design := text.section("design")):
+        if design := text.section("design"):
             parameters, files = with_pattern_files(design, parameters, text)
             inputs += files
         for name, kind in KINDS.items():
-            if parameters and (section := text.section(name)):
+            if section := text.section(name):
                 designs = kind.designs(section, parameters, text.source)
     with mistakes:
-        if parameters and checked and not mistakes.all:
+        if checked and not mistakes.all:
             sets = math.prod(len(axes[name]) for name in {*axes} - {*text.paired[1:]})
             if (number := len(designs) * sets) > MAX_CASES:
                 message = f"asks for {number:,} cases, above {MAX_CASES:,}; give shorter lists"
@@ -154,7 +149,7 @@ def make_plan(
                 for case in cases(CaseSettings(chosen, labels, parameters, text.source), designs)
             }
             mistakes.all += _misplaced_electrodes(planned, text)
-    if parameters is None or checked is None or mistakes.all:
+    if checked is None or mistakes.all:
         raise InputError(mistakes.all)
     # Paired settings share the last dimension.
     dims = [name for name in axes if name not in text.paired] + [SAMPLE] * bool(text.paired)

@@ -29,31 +29,19 @@ def printed(program, **environment):
     return done.stdout.strip()
 
 
-def test_it_imports_no_solver_and_sets_no_variable():
-    program = """
-import os, sys
-before = dict(os.environ)
-import knitlab
-assert before == dict(os.environ)
-print(sorted({"jax", "scipy", "matplotlib", "dask"} & set(sys.modules)))
-"""
-    assert printed(program) == "[]"
-
-
-def test_the_command_line_begins_without_tables(tmp_path):
-    script = tmp_path / "knitlab"
-    script.write_text("""
-import sys
-import knitlab.cli
-print(sorted({"jax", "pandas", "xarray", "matplotlib"} & set(sys.modules)))
-""")
-    done = subprocess.run(
-        [sys.executable, script],
-        env=os.environ | {"PYTHONPATH": str(PACKAGE.parent)},
-        capture_output=True,
-        text=True,
-    )
-    assert done.stdout == "[]\n", done.stderr
+@pytest.mark.parametrize(
+    ("program", "missing"),
+    [
+        ("import knitlab; assert before == os.environ", {"jax", "scipy", "matplotlib", "dask"}),
+        ("sys.argv[0] = 'knitlab'; import knitlab.cli", {"jax", "pandas", "xarray", "matplotlib"}),
+        ("import knitlab.cli, knitlab.api.cubes", {"jax", "meshio", "trimesh", "matplotlib"}),
+        (f"import knitlab; knitlab.query({CUBE!r}, where='n_stripe > 4')", {"jax", "matplotlib"}),
+    ],
+)
+def test_libraries_that_are_not_used_are_not_imported(program, missing):
+    before = "import os, sys; before = dict(os.environ)"
+    after = f"print(sorted({missing} & set(sys.modules)))"
+    assert printed(f"{before}; {program}; {after}") == "[]"
 
 
 def test_it_leaves_the_settings_of_jax_and_the_users_folder_as_they_are(tmp_path):

@@ -245,16 +245,6 @@ def test_a_claim_that_fails_for_one_design_fails_though_others_are_missing(verdi
     assert found["wide_stripes_reach_minus_02_to_minus_07"] is Grade.fails
 
 
-def test_every_mistake_of_a_claims_file_is_listed(tmp_path):
-    path = tmp_path / "claims.toml"
-    path.write_text(
-        '[one]\ntext = "x"\nplace = "y"\ntopic = "tension"\ntest = "no_such"\n[two]\nplace = "y"\n'
-        'test = "value_within"\nof = "status"\nhihgest = 1.0\n'
-    )
-    with refused("one: test", "two: text"):
-        read_claims(path)
-
-
 def test_a_line_is_fitted_with_its_confidence_interval():
     """Against the textbook: s² = SSR / (n − 2), halfwidth t · s / √Sxx."""
     x = np.array([16.0, 24, 32, 40, 48])

@@ -15,10 +15,10 @@ from knitlab.claims.judgement import contrary, judged, judged_slices, listed, su
 from knitlab.claims.margin import Grade
 from knitlab.claims.samples import Checkerboards, preference
 from knitlab.cubes.cube_file import write_cube
-from knitlab.io.shipped import PACKAGE
+from knitlab.io.shipped import PACKAGE, shipped
+from knitlab.io.toml import read_toml
 from knitlab.observables.status import Status
 from tests.claims.test_claims import LOWEST, SLOPES, good_checkerboards, good_stripes
-from tests.refusals import refused
 
 CLAIMS = {claim.name: claim for claim in read_claims()}
 DESIGNS = sorted(LOWEST)
@@ -151,22 +151,9 @@ def test_thresholds_are_the_papers_unless_knitlab_gives_one():
                 assert claim.check([cube], 1.25) == claim.check([cube]), claim.name
 
 
-@pytest.mark.parametrize(
-    ("lines", "problem"),
-    [
-        ("knitlab.highest = 1.0", "highest"),
-        ("knitlab.hihgest = 1.0", "hihgest"),
-        ('knitlab.lowest = "about"', "lowest"),
-    ],
-)
-def test_every_number_of_a_claim_is_the_papers_or_knitlabs(tmp_path, lines, problem):
-    path = tmp_path / "claims.toml"
-    path.write_text(
-        '[one]\ntext = "x"\nplace = "y"\ntopic = "tension"\ntest = "value_within"\n'
-        f'of = "gauge_factor"\nhighest = 1.0\n{lines}\n'
-    )
-    with refused(problem):
-        read_claims(path)
+def test_every_number_of_a_claim_is_the_papers_or_knitlabs():
+    for name, table in read_toml(shipped("params") / "claims.toml").items():
+        assert not table.keys() & table.get("knitlab", {}).keys(), name
 
 
 def sample(boundary, cells, ratio, gone=()):

@@ -61,14 +61,6 @@ def test_a_sweep_from_plan_to_map():
     assert Path("map.pdf").read_bytes().startswith(b"%PDF")
 
 
-@pytest.mark.slow
-def test_a_case_that_does_not_converge_makes_exit_code_1():
-    hasty = ("--set", "max_iterations=2", "--workers", "0", "--results", "hasty")
-    ran = knitlab("run", "periodic", *SMALL, *hasty)
-    assert ran.exit_code == 1
-    assert "not_converged: n_stripe 4  n_subunit 8: no equilibrium" in ran.output
-
-
 @pytest.mark.parametrize(
     "words",
     [

@@ -1,4 +1,4 @@
-"""The workflows of the paper's method and of pure stripes, on designs small enough for a test."""
+"""The workflows of the paper's method, on designs small enough for a test."""
 
 from pathlib import Path
 
@@ -42,27 +42,3 @@ def test_dynamics_that_cannot_finish_is_reported():
     assert "it was still moving at the end of its time" in ran.output
     cube = xr.load_dataset("results/relaxation/cube.nc")
     assert (cube["status"] == Status.not_converged).all()
-
-
-@pytest.mark.slow
-def test_stripes_are_run_queried_and_drawn():
-    words = ("--set", "n=4", "--set", "strain_max=0.2", "--set", "stripe_periods=1")
-    ran = knitlab("run", "stripes", *words, "--workers", "0")
-    assert ran.exit_code == 0, ran.output
-    figures = {path.name for path in Path("results/stripes/figures").iterdir()}
-    assert "stripes.png" in figures
-    answer = knitlab(
-        "query",
-        "results/stripes",
-        "--select",
-        "knit=rib",
-        "--select",
-        "applied_strain=0.2",
-        "--columns",
-        "knit,n,boundary,row_force,zigzag_force",
-    )
-    assert answer.exit_code == 0, answer.output
-    assert "periodic" in answer.output
-    refused = knitlab("map", "auxetic", "results/stripes", "-o", "map.png")
-    assert refused.exit_code == 2
-    assert "stripes," in refused.output.partition("draw ")[2]

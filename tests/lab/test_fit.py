@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
 from knitlab.lab.curves import (
     QUANTITIES,
@@ -18,7 +17,6 @@ from knitlab.lab.curves import (
 from knitlab.lab.fit import FITTED, fit_stripes
 from knitlab.observables.sensitivity import STRIPE_PARAMETERS
 from knitlab.observables.status import Status
-from knitlab.runs.parameters import read_parameters
 from knitlab.runs.plan import make_plan
 from knitlab.solvers.equilibrium.tensile_test import stretch
 from tests.fabrics import equations
@@ -207,7 +205,6 @@ def test_the_report_and_the_stripe_file_state_what_changed(tmp_path, fit):
     fit.material(tmp_path / "cube.nc").write(path)
     assert read_toml(path)["rib"]["n"]["4"]["k_t"] == pytest.approx(fit.after.weft.k_t, rel=1e-5)
     # They can be used as they are.
-    read_parameters(shipped("params"))
     (used,) = make_plan("laboratory", (*PERIODIC, f"material={path}")).cases.values()
     assert used.warp.theta_0 == pytest.approx(fit.after.warp.theta_0, rel=1e-5)
 

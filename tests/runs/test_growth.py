@@ -143,14 +143,6 @@ def test_a_cube_states_only_what_holds_for_all_of_it(tmp_path):
     assert json.loads(stale.cube.attrs["parameters"]) == stated
 
 
-def test_new_values_of_a_swept_setting_join_a_cube(tmp_path):
-    first = ran(planned(*PAIRS, "z_max=[4]", "k_t_factor=[1]"), tmp_path)
-    both = ran(planned(*PAIRS, "z_max=[6]", "k_t_factor=[1,2]"), tmp_path).cube
-    assert both["z_max"].values.tolist() == [4, 6]
-    assert (both["status"].sel(z_max=4, k_t_factor=2) == Status.excluded).all()
-    assert bits(both, z_max=4, k_t_factor=1) == bits(first.cube, z_max=4, k_t_factor=1)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("change", ["z_max=4", "cell_size=flat", "k_t_factor=2"])
 def test_designs_of_another_model_do_not_join_a_cube(tmp_path, change):

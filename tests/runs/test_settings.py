@@ -6,7 +6,7 @@ import pytest
 from knitlab.io.shipped import shipped
 from knitlab.model.stripe import SPRING_LAWS, STRIPE_QUANTITIES, YARN_FIELDS, Stripe
 from knitlab.runs.declared_fields import declared
-from knitlab.runs.parameters import TABLES, Model, read_parameters
+from knitlab.runs.parameters import TABLES, Model, defaults
 from knitlab.runs.plan import make_plan
 from knitlab.runs.workflow import SECTIONS, SETTINGS
 from knitlab.solvers.dynamics.settings import Dynamics
@@ -23,7 +23,7 @@ ENTRIES = [
     for name, entry in table.items()
     if "value" in entry and "source" in entry
 ]
-PARAMETERS = read_parameters(shipped("params"))
+PARAMETERS = defaults()
 DEFAULTS = {
     name: value for table in TABLES for name, value in asdict(getattr(PARAMETERS, table)).items()
 }
@@ -57,7 +57,7 @@ def test_each_stripe_quantity_can_be_replaced_and_multiplied_for_one_knit_or_bot
     ("table", "file"), [(Solver, "solver"), (Dynamics, "dynamics"), (Model, "model")]
 )
 def test_defaults_of_tables_are_those_of_their_files(table, file):
-    assert asdict(table()) == asdict(getattr(read_parameters(shipped("params")), file))
+    assert asdict(table()) == asdict(getattr(PARAMETERS, file))
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,9 @@
 """Spring laws from files and settings to cases and back."""
 
 import json
-from dataclasses import asdict, replace
 
 import pytest
 
-import knitlab as kl
 from knitlab.io.errors import InputError
 from knitlab.model.spring_law import SpringCurve
 from knitlab.model.stripe import SPRING_LAWS
@@ -97,13 +95,3 @@ def test_one_message_lists_all_that_is_wrong_with_a_law(tmp_path, law, problems)
     for problem in problems:
         with pytest.raises(InputError, match=problem):
             cases(stripe_file(tmp_path, law))
-
-
-def test_a_design_takes_a_stripe_of_any_law():
-    rib = kl.Stripe("rib", 4, period=1.4, k_s=0.8, theta_0=0.8, k_t=0.01, stiffening_strain=0.2)
-    assert kl.Design(n_stripe=4, n_subunit=16, rib=rib).stripes == (rib,)
-    curved = replace(rib, stiffening_strain=None, spring_curve=SpringCurve((0.0, 1.0), (0.0, 2.0)))
-    assert kl.Design(n_stripe=4, n_subunit=16, rib=curved).stripes == (curved,)
-    assert asdict(curved)["spring_curve"] == {"strain": (0.0, 1.0), "force": (0.0, 2.0)}
-    with pytest.raises(InputError, match="greater than 0"):
-        kl.Design(n_stripe=4, n_subunit=16, rib=replace(rib, stiffening_strain=-1.0))

@@ -9,12 +9,10 @@ import knitlab as kl
 from knitlab.api.simulation import case_of_design
 from knitlab.export.knitting.patches import read_patches
 from knitlab.export.knitting.stitch_chart import stitch_chart
-from knitlab.io.shipped import shipped
-from knitlab.runs.parameters import read_parameters
 from tests.export.knitting.charts import case_of
 from tests.refusals import refused
 
-PAPER = read_parameters(shipped("params")).designs.root["paper"].pairs
+PAPER = kl.defaults().designs.root["paper"].pairs
 STARTS = ["valley", "mountain"]
 
 

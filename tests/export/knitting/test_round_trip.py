@@ -23,8 +23,6 @@ from knitlab.export.knitting.round_trip import (
     stripped,
 )
 from knitlab.export.knitting.stitch_chart import stitch_chart
-from knitlab.io.shipped import shipped
-from knitlab.runs.parameters import read_parameters
 from knitlab.runs.patterns import Pattern
 from tests.export.knitting.back_ends import assert_knits, read_dat, read_kcode
 from tests.export.knitting.charts import case_of, chart_of_arrays, fast_protocols  # noqa: F401
@@ -32,7 +30,7 @@ from tests.export.knitting.charts import case_of, chart_of_arrays, fast_protocol
 interpreter = pytest.mark.skipif(
     importlib.util.find_spec("knitout_interpreter") is None, reason="no knitout-interpreter"
 )
-PAPER = read_parameters(shipped("params")).designs.root["paper"].pairs
+PAPER = kl.defaults().designs.root["paper"].pairs
 GRADED = Pattern(
     rows=("GRP", "RGR"),
     column_stitches=(8, 16, 24),
