@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 import trimesh
 import xarray as xr
-from click.testing import CliRunner
 
 import knitlab as kl
-from knitlab.cli import main
 from knitlab.cubes.case_file import case_path, read_case, write_case_file
 from knitlab.io.errors import InputError
 from knitlab.observables.status import Status
+from tests.commands import knitlab
 from tests.export.meshes.synthetic import CASE_ID, PREVIEW, kept_file
 
 ONE = {"n_stripe": 4, "n_subunit": 16}
@@ -142,16 +141,12 @@ def test_a_cube_in_memory_and_a_test_say_what_they_take(tmp_path):
         kl.export(kept_file(), tmp_path / "a.vtu", **ONE)
 
 
-def knitlab(*words):
-    return CliRunner().invoke(main, ["export", str(PREVIEW), *words])
-
-
 DESIGN = ("--select", "n_stripe=4", "--select", "n_subunit=16")
 
 
 def test_the_command_says_what_it_wrote(tmp_path):
-    output = str(tmp_path / "shape.glb")
-    said = knitlab(*DESIGN, "--repeats", "2x3", "-o", output)
+    output = tmp_path / "shape.glb"
+    said = knitlab("export", PREVIEW, *DESIGN, "--repeats", "2x3", "-o", output)
     assert said.exit_code == 0, said.output
     first, last = said.output.splitlines()
     assert first.startswith("applied_strain 0: 1617 nodes, 3072 triangles, ")
@@ -165,8 +160,7 @@ def test_the_command_says_how_often_a_fabric_passes_through_itself(tmp_path):
     cube = kl.run("periodic", **ONE, **folded, results=tmp_path)
     crossing = int(cube["self_intersections"].squeeze().sel(applied_strain=0).item())
     assert crossing > 0
-    arguments = [str(tmp_path / "periodic"), *DESIGN, "-o", str(tmp_path / "shape.glb")]
-    said = CliRunner().invoke(main, ["export", *arguments])
+    said = knitlab("export", tmp_path / "periodic", *DESIGN, "-o", tmp_path / "shape.glb")
     assert said.exit_code == 0, said.output
     assert f"{crossing} pairs" in said.output.splitlines()[0]
 

@@ -6,22 +6,14 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import knitlab as kl
-from knitlab.cli import main
 from knitlab.model.pure_stripe import PureStripe, tension_across
 from knitlab.runs.material import add_stripe
+from tests.commands import knitlab
 from tests.fabrics import stripe
 
-
-@pytest.fixture(autouse=True)
-def in_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
-def knitlab(*words):
-    return CliRunner().invoke(main, words)
+pytestmark = pytest.mark.usefixtures("in_folder")
 
 
 @pytest.mark.slow

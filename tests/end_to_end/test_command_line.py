@@ -7,30 +7,18 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
-from click.testing import CliRunner
 from distributed import Client
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.cli import main
 from knitlab.cli.options import read_selections
+from tests.commands import knitlab
 
 PREVIEW = str(Path(__file__).parents[2] / "results/reference/preview")
 SMALL = ("--set", "n_stripe=4", "--set", "n_subunit=8", "--set", "strain_max=0.06")
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("user")
-
-
-@pytest.fixture(autouse=True)
-def in_folder(folder, monkeypatch):
-    monkeypatch.chdir(folder)
-
-
-def knitlab(*words):
-    return CliRunner().invoke(main, words)
+pytestmark = pytest.mark.usefixtures("in_folder")
 
 
 @pytest.mark.slow
@@ -73,7 +61,6 @@ def test_a_sweep_from_plan_to_map():
     ],
 )
 def test_bad_input_is_a_sentence_and_exit_code_2_and_writes_nothing(words, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
     # Not the ten seconds that a scheduler has to answer.
     monkeypatch.setattr("distributed.Client", lambda address, **_: Client(address, timeout=0.5))
     result = knitlab(*words)

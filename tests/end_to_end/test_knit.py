@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import knitlab as kl
 from knitlab.api import knitting
-from knitlab.cli import main
 from knitlab.export.knitting.knitout import knitout
+from tests.commands import knitlab
 from tests.refusals import refused
 
 PREVIEW = "results/reference/periodic"
@@ -20,7 +19,7 @@ CHART = "tests/export/knitting/checkerboard.txt"
 
 
 def run(*words):
-    return CliRunner().invoke(main, ["knit", *map(str, words)])
+    return knitlab("knit", *words)
 
 
 @pytest.mark.slow
@@ -139,8 +138,7 @@ def test_the_relaxed_size_is_that_of_the_cube():
 def test_a_kept_cube_is_knitted_at_another_size_of_a_stitch(tmp_path):
     sizes = {}
     for width in ("0.5", "1.0"):
-        words = ("knit", PREVIEW, *DESIGN, "--set", f"stitch_width={width}")
-        done = CliRunner().invoke(main, [*words, "-o", str(tmp_path / "sample.k")])
+        done = run(PREVIEW, *DESIGN, "--set", f"stitch_width={width}", "-o", tmp_path / "sample.k")
         assert done.exit_code == 0, done.output
         (line,) = (line for line in done.output.splitlines() if line.startswith("size flat"))
         sizes[width] = [int(word) for word in line.split() if word.isdigit()]
@@ -149,12 +147,11 @@ def test_a_kept_cube_is_knitted_at_another_size_of_a_stitch(tmp_path):
 
 
 def test_what_leaves_for_the_machine_says_which_yarn_it_needs(tmp_path):
-    words = ("knit", "periodic", "--set", "n_stripe=4", "--set", "n_subunit=16")
-    stiffer = [*words, "--set", "rib_k_t_factor=2", "-o", str(tmp_path / "a.k")]
-    needed = CliRunner().invoke(main, stiffer).output
+    words = ("periodic", "--set", "n_stripe=4", "--set", "n_subunit=16", "-o", tmp_path / "a.k")
+    needed = run(*words, "--set", "rib_k_t_factor=2").output
     assert "rib 4 needs k_t × 2.00 of the paper's yarn" in needed
     assert "garter 8 needs" not in needed
-    usual = CliRunner().invoke(main, [*words, "-o", str(tmp_path / "b.k")]).output
+    usual = run(*words).output
     assert "needs" not in usual
     assert "yarn          that of the paper" in usual
     assert "case          4-16-" in usual
@@ -162,9 +159,7 @@ def test_what_leaves_for_the_machine_says_which_yarn_it_needs(tmp_path):
 
 def test_a_chart_is_read_as_a_pattern_that_a_workflow_takes(tmp_path):
     output = tmp_path / "mine.toml"
-    result = CliRunner().invoke(
-        main, ["read", "tests/export/knitting/checkerboard.txt", "-o", str(output)]
-    )
+    result = knitlab("read", CHART, "-o", output)
     assert result.exit_code == 0, result.output
     assert "patch         courses 1 to 16, wales 1 to 8: rib, stripes of 2 wales" in result.output
     words = result.output.split("knitlab run ")[1].split()
@@ -176,7 +171,7 @@ def test_a_chart_is_read_as_a_pattern_that_a_workflow_takes(tmp_path):
 def test_what_no_pattern_has_ends_with_exit_code_1(tmp_path):
     path = tmp_path / "chart.txt"
     path.write_text("kkpp\nkpkp\n", encoding="utf-8")
-    result = CliRunner().invoke(main, ["read", str(path)])
+    result = knitlab("read", path)
     assert result.exit_code == 1
     assert "neither rib nor garter" in result.output
 

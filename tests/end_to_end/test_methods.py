@@ -4,19 +4,11 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
-from click.testing import CliRunner
 
-from knitlab.cli import main
 from knitlab.observables.status import Status
+from tests.commands import knitlab
 
-
-@pytest.fixture(autouse=True)
-def in_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
-def knitlab(*words):
-    return CliRunner().invoke(main, words)
+pytestmark = pytest.mark.usefixtures("in_folder")
 
 
 @pytest.mark.slow

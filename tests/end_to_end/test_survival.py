@@ -6,16 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner
 
-from knitlab.cli import main
+from tests.commands import knitlab
 from tests.file_events import kill_command
 
 DESIGNS = ("--set", "n_stripe=4,8", "--set", "n_subunit=8,16", "--set", "strain_max=0.06")
-
-
-def knitlab(*words):
-    return CliRunner().invoke(main, words)
 
 
 def killed(folder, after):
@@ -25,8 +20,7 @@ def killed(folder, after):
 
 
 @pytest.mark.slow
-def test_a_killed_sweep_resumes_to_the_same_cube(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_killed_sweep_resumes_to_the_same_cube(tmp_path, in_folder):
     done = killed(tmp_path, after=1)
     assert done == 1
     result = knitlab("status", "periodic")
@@ -60,8 +54,7 @@ def test_a_killed_sweep_resumes_to_the_same_cube(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_case_that_failed_is_reproduced_alone(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_case_that_failed_is_reproduced_alone(tmp_path, in_folder):
     hasty = ("--set", "n_stripe=4", "--set", "n_subunit=8", "--set", "max_iterations=2")
     ran = knitlab("run", "periodic", *hasty, "--workers", "0")
     assert ran.exit_code == 1
