@@ -95,12 +95,13 @@ def read_plan(folder: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8")
         record: dict[str, Any] = json.loads(text)
+        if is_damaged_json(text) or "cases" not in record:
+            raise ValueError("its contents are not those of a plan")
     except FileNotFoundError as error:
         raise invalid(str(path), "does not exist; plan or run the workflow first") from error
     except ValueError as error:
-        raise invalid(str(path), f"is not a plan ({error}); plan the workflow again") from error
-    if is_damaged_json(text):
-        raise invalid(str(path), "is not as it was written; plan the workflow again")
+        message = f"is not as it was written ({error}); plan the workflow again"
+        raise invalid(str(path), message) from error
     return record
 
 
@@ -119,7 +120,7 @@ def earlier_failures(folder: Path) -> dict[str, Failure]:
     """Entries for designs that were not ok when a run last ended, by case identifier."""
     try:
         lines = (folder / FAILURES).read_text(encoding="utf-8").splitlines()
-        return {entry["case_id"]: entry for entry in map(json.loads, lines)}
+        return {entry["case_id"]: entry for entry in map(json.loads, lines) if entry}
     except (OSError, ValueError):
         return {}  # every run rewrites the file, and no result depends on it
 

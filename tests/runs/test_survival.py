@@ -310,7 +310,7 @@ def test_a_refresh_that_fails_is_reported_and_loses_nothing(tmp_path, monkeypatc
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("garbage", [b"garbage", b"\xff\xfe\x00"])
+@pytest.mark.parametrize("garbage", [b"garbage", b"[]", b"{}", b"\xff\xfe\x00"])
 def test_garbage_in_files_that_are_rewritten_is_ignored(tmp_path, garbage):
     plan = plan_of()
     before = ran(plan, tmp_path, fake_simulator.simulate_unconverged)
