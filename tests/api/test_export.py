@@ -5,7 +5,6 @@ import shutil
 import meshio
 import numpy as np
 import pytest
-import trimesh
 import xarray as xr
 
 import knitlab as kl
@@ -163,21 +162,3 @@ def test_the_command_says_how_often_a_fabric_passes_through_itself(tmp_path):
     said = knitlab("export", tmp_path / "periodic", *DESIGN, "-o", tmp_path / "shape.glb")
     assert said.exit_code == 0, said.output
     assert f"{crossing} pairs" in said.output.splitlines()[0]
-
-
-@pytest.mark.slow
-@pytest.mark.nightly
-@pytest.mark.parametrize(
-    "design",
-    [
-        kl.Design(n_stripe=4, n_subunit=8, boundary="periodic"),
-        kl.Design(n_stripe=4, n_subunit=8, unit_cells=(2, 1)),
-        kl.Design(n_stripe=4, n_subunit=8, boundary="periodic", pattern=("PG", "RP")),
-    ],
-)
-def test_a_simulated_test_is_exported(tmp_path, design):
-    test = kl.simulate(design, [0, 0.05])
-    exported = kl.export(test, tmp_path / "a.pvd")
-    assert exported.applied_strain == (0.0, 0.05)
-    solid = kl.export(test, tmp_path / "a.stl", applied_strain=0.05, thickness=0.05)
-    assert trimesh.load(solid.files[0]).is_watertight

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-import knitlab
 from knitlab.cubes.cube_file import read_cube
-from knitlab.figures.drawing import draw_figure, draw_figures
 from knitlab.io.errors import InputError
 from knitlab.io.shipped import shipped
 from knitlab.observables.status import Status
@@ -195,22 +193,3 @@ def test_the_status_of_a_folder_before_its_first_cube(tmp_path):
     os.truncate(next((tmp_path / "cases").glob("*.nc")), 100)
     counts = folder_status(tmp_path, plan.dims, plan.designs, check=True).counts
     assert counts == {"damaged": 1, "pending": 1}
-
-
-@pytest.mark.slow
-def test_query_and_figures_slice_swept_settings(tmp_path):
-    ran(planned(*PAIRS, "k_t_factor=0.8,1.2"), tmp_path)
-    cube = knitlab.open_cube(tmp_path)
-    table = cube.knitlab.query("n_subunit == 16", k_t_factor=1.2, columns=["k_t_factor"])
-    assert table["k_t_factor"].tolist() == [1.2]
-    assert len(cube.knitlab.query()) == 4
-    assert cube.knitlab.select(k_t_factor=0.8).sizes["k_t_factor"] == 1
-    with pytest.raises(InputError, match=r"k_t_factor of 0\.8, 1\.2"):
-        draw_figure("auxetic", [tmp_path], tmp_path / "map.png")
-    drawn = draw_figure("auxetic", [tmp_path], tmp_path / "map.png", {"k_t_factor": 0.8})
-    assert drawn.stat().st_size > 1000
-    figures, mistakes = draw_figures(("auxetic",), tmp_path)
-    assert mistakes == []
-    assert [path.name for path in figures] == [
-        f"auxetic_k_t_factor-{value}.png" for value in (0.8, 1.2)
-    ]

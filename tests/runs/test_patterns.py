@@ -13,6 +13,7 @@ import knitlab as kl
 from knitlab.io.errors import InputError
 from knitlab.runs.plan import make_plan
 from knitlab.solvers.case import case_of
+from tests.refusals import refused
 
 DESIGN = ("n_stripe=4", "n_subunit=16", "boundary=periodic")
 
@@ -29,7 +30,7 @@ def own(tmp_path, text, *overrides):
     return case(f"pattern_files={path}", "pattern=own", *overrides)
 
 
-def refused(tmp_path, text):
+def said_of(tmp_path, text):
     with pytest.raises(InputError) as caught:
         own(tmp_path, text)
     return str(caught.value)
@@ -79,10 +80,10 @@ def test_sizes_in_stitches_and_in_periods_are_one_pattern(tmp_path):
 
 
 def test_a_patch_with_an_odd_number_of_stripes_is_refused_with_its_place(tmp_path):
-    text = refused(tmp_path, '[own]\nrows = ["GR", "RG"]\ncolumn_stitches = [16, 20]\n')
+    text = said_of(tmp_path, '[own]\nrows = ["GR", "RG"]\ncolumn_stitches = [16, 20]\n')
     assert "pattern=own (n_stripe 4, n_subunit 16): column 2: 20 stitches are 5 stripes" in text
     assert "take 16 or 24" in text
-    text = refused(tmp_path, '[own]\nrows = ["GR", "RG"]\nrow_courses = [24, 32]\n')
+    text = said_of(tmp_path, '[own]\nrows = ["GR", "RG"]\nrow_courses = [24, 32]\n')
     assert "row, from the top, 1: 24 courses are 3 stripes of n_stripe 4" in text
     assert "take 16 or 32" in text
 
@@ -106,7 +107,7 @@ def test_a_patch_with_an_odd_number_of_stripes_is_refused_with_its_place(tmp_pat
     ],
 )
 def test_patterns_that_cannot_be_knitted_are_refused_with_their_place(tmp_path, text, named):
-    said = refused(tmp_path, f"[own]\n{text}\n")
+    said = said_of(tmp_path, f"[own]\n{text}\n")
     assert all(part in said for part in named), said
 
 
@@ -123,22 +124,20 @@ def test_text_and_image_give_the_same_pattern(tmp_path_factory, rows):
     assert text == image == tuple(rows)
 
 
-@pytest.mark.parametrize("mode", ["RGBA", "LA", "P"])
-def test_transparent_pixels_of_an_image_are_refused_by_their_position(tmp_path, mode):
+@pytest.mark.parametrize(
+    ("mode", "pixel", "named"),
+    [
+        *((mode, (255, 255, 255, 0), "transparent") for mode in ("RGBA", "LA", "P")),
+        ("RGBA", (0, 255, 0, 255), "#00ff00"),
+    ],
+)
+def test_pixels_without_a_letter_are_refused_by_their_position(tmp_path, mode, pixel, named):
     pixels = np.full((3, 2, 4), 255, np.uint8)
-    pixels[2, 1, 3] = 0
+    pixels[2, 1] = pixel
     drawn = Image.fromarray(pixels)
-    shown = drawn if mode == "RGBA" else drawn.convert(mode)
-    shown.save(tmp_path / "map.png")
+    (drawn if mode == "RGBA" else drawn.convert(mode)).save(tmp_path / "map.png")
     pattern = kl.Pattern(image="map.png", colours={"white": "R"})
-    with pytest.raises(InputError, match=r"pixel 2 of line 3 is transparent.* it has #ffffff"):
-        pattern.patches(tmp_path)
-
-
-def test_a_colour_without_a_letter_is_named_with_its_place(tmp_path):
-    matplotlib.image.imsave(tmp_path / "map.png", np.array([[[1.0, 0, 0], [0, 1.0, 0]]]))
-    pattern = kl.Pattern(image="map.png", colours={"red": "R"})
-    with pytest.raises(InputError, match="pixel 2 of line 1 is #00ff00, which colours gives no"):
+    with refused(f"pixel 2 of line 3 is {named}", "it has #ffffff"):
         pattern.patches(tmp_path)
 
 
