@@ -13,6 +13,7 @@ from knitlab.claims.option_ranking import differing, ranked_options, ranking_opt
 from knitlab.cubes.cube_file import open_cube, write_cube
 from knitlab.figures.drawing import draw_figure, draw_figures
 from tests.claims.test_claims import good_checkerboards, good_stripes
+from tests.refusals import refused
 
 DIMS = ("n_stripe", "n_subunit", "fold_phase")
 
@@ -109,6 +110,8 @@ def test_the_motion_is_an_option_of_what_moves():
 def test_options_are_drawn_side_by_side_without_a_selection(tmp_path):
     write_cube(along_fold_phase(with_ratio(0.1), good_checkerboards()), tmp_path / "cube.nc")
     assert open_cube(tmp_path).sizes["fold_phase"] == 2
+    with refused("fold_phase of stripe_border, stripe_centre"):
+        draw_figure("auxetic", [tmp_path], tmp_path / "map.png")
     assert draw_figure("options", [tmp_path], tmp_path / "options.svg").stat().st_size > 0
     text = (tmp_path / "options.svg").read_text()
     best, other = ranked(open_cube(tmp_path))
