@@ -20,16 +20,15 @@ from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any
 from knitlab.io.limits import MAX_CHOICES
 from knitlab.io.table_readings import (
     IN_BRACKETS,
-    SEPARATORS,
-    UNSTATED,
     Block,
     Cell,
     Choice,
     Fits,
     Line,
-    Source,
+    Sheets,
     is_unit,
     numeric_reading,
+    text_ways,
 )
 from knitlab.io.text_file import read_text
 
@@ -58,26 +57,23 @@ class Tables(NamedTuple):
     unread: tuple[str, ...]
 
 
-def read_tables(path: Path, example: str, fits: Fits, choice: Choice = UNSTATED) -> Tables:
+def read_tables(path: Path, example: str, fits: Fits, choice: Choice | None = None) -> Tables:
     """Read the tables of numbers whose header fits; their entries remain text.
 
     Numbers get a decimal point. Lines that start with # are ignored, except a header in the last of
     them. A row of units is joined to the header. If no header fits, it is the longest table.
-    Messages name the line, or have the ``example`` of a table.
+    Messages name the line, or have the ``example`` of a table; without a ``choice``, they offer
+    none.
     """
-    separators = SEPARATORS
+    commas, number = (choice or Choice()).commas, choice.table if choice else None
     if path.suffix.lower() in WORKBOOKS and path.is_file():
-        source: Source = _workbook_sheets(path)
+        ways = list(product([_workbook_sheets(path)], commas))
     else:
-        source = lines = read_text(path).split("\n")
-        # Excel states the separator in a first line such as ``sep=;``.
-        if stated := re.fullmatch(r'"?sep=(.)"?', lines[0].strip()):
-            lines[0], separators = "", stated[1]
-    reading = numeric_reading(str(path), source, separators, choice, fits)
+        ways = text_ways(read_text(path).split("\n"), commas)
+    reading = numeric_reading(str(path), ways, choice is not None, fits)
     taken = reading.tables
     if not taken:
         raise invalid(str(path), f"has no table of numbers; {example}")
-    number = choice.table
     if number is not None:
         if not 1 <= number <= len(taken):
             message = f"is not one of the {len(taken)} tables of {path}, at {places(taken)}"
@@ -89,14 +85,14 @@ def read_tables(path: Path, example: str, fits: Fits, choice: Choice = UNSTATED)
         if block not in taken and (block.is_table or block.line > taken[0].line)
     ]
     unread: tuple[str, ...] = ()
-    if others or (len(source) > 1 and isinstance(source, dict)):
+    if others or len(ways[0][0]) > 1:
         left = f"; not read: {places(others)}" if others else ""
         unread = (f"{path.name}: tables read: {places(taken)}{left}",)
     return Tables([_table(path, block, example) for block in taken], unread)
 
 
 def read_table(
-    path: Path, example: str, fits: Fits, choice: Choice = UNSTATED
+    path: Path, example: str, fits: Fits, choice: Choice | None = None
 ) -> tuple[Table, tuple[str, ...]]:
     """The table of a file whose header fits, and what is not read; InputError if it has several."""
     tables, unread = read_tables(path, example, fits, choice)
@@ -105,14 +101,14 @@ def read_table(
     return tables[0], unread
 
 
-def several(path: Path, tables: list[Table], choice: Choice) -> InputError:
+def several(path: Path, tables: list[Table], choice: Choice | None) -> InputError:
     """The error that one of some tables must be chosen."""
     shown = "; ".join(
         f"table {number} at {table.place}, {len(table.rows)} rows from"
         f" {', '.join(table.rows.iloc[0][:4])}"
         for number, table in enumerate(tables[:MAX_CHOICES], 1)
     )
-    hint = "give table = NUMBER" if choice.is_offered else "leave one of them"
+    hint = "give table = NUMBER" if choice else "leave one of them"
     return invalid(str(path), f"has {len(tables)} tables: {shown}; {hint}")
 
 
@@ -148,7 +144,7 @@ def read_columns(
     names: Mapping[str, str | None],
     example: str,
     optional: Collection[str] = (),
-    choice: Choice = UNSTATED,
+    choice: Choice | None = None,
 ) -> Columns:
     """Numbers of columns by name, whether or not the header adds a unit in brackets.
 
@@ -233,7 +229,7 @@ def _table(path: Path, block: Block, example: str) -> Table:
         shown = ", ".join(first.fields[:4])
         raise invalid(str(path), f"has no header above line {first.line} ({shown}); {example}")
     width = len(headers)
-    for row in filter(None, (*block.rows, block.broken)):
+    for row in block.rows:
         if any(row.fields[width:]) or len(row.fields) < width:
             named = ", ".join(headers[:6])
             message = f"has {len(row.fields)} fields and the header {width} ({named}); export the"
@@ -242,7 +238,7 @@ def _table(path: Path, block: Block, example: str) -> Table:
     return Table(headers, rows, [row.fields for row in block.above], block.sheet, block.place)
 
 
-def _workbook_sheets(path: Path) -> dict[str, list[Line]]:
+def _workbook_sheets(path: Path) -> Sheets:
     """The cells of each sheet of a workbook."""
     try:
         sheets = pd.read_excel(

@@ -207,9 +207,6 @@ def test_of_two_readings_both_are_shown_and_the_stated_mark_decides(tmp_path):
 @pytest.mark.parametrize(
     ("rows", "name", "expected"),
     [
-        # Numbers of a column that rises, some with marks between thousands.
-        ("998;1\n999;1\n1.000;1\n1.001;1\n", "a", [998, 999, 1000, 1001]),
-        ("400;1\n600;1\n800;1\n1,000;1\n1,200;1\n", "a", [400, 600, 800, 1000, 1200]),
         # Who marks thousands marks them all; and no zero is before such a mark.
         ("1000;12,500\n2000;13,500\n3000;15,500\n", "b", [12.5, 13.5, 15.5]),
         ("1;0.400\n2;1.500\n3;12.500\n", "b", [0.4, 1.5, 12.5]),
@@ -254,6 +251,21 @@ def test_of_tables_below_each_other_the_stated_one_is_read(tmp_path, title, repe
     assert any(f"line {number}" in unread[0] for number in (begun[-1], begun[-1] - 1))
     with refused("table 4", "3 tables"):
         read_columns(path, {"b": None}, "", choice=Choice(table=4))
+
+
+def test_rows_with_a_label_below_a_table_are_named_as_not_read(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("a;b\n0;1,5\n1;2,5\n2;3,5\n\nMaximum;4,000\nMean;2,5\n")
+    columns, unread = read_columns(path, {"b": None}, "")
+    assert columns["b"].tolist() == [1.5, 2.5, 3.5]
+    assert "not read: line 6, line 7" in unread[0]
+
+
+def test_a_number_with_the_other_decimal_mark_is_none(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("a;b\n0;1.500\n1;1500.5\n2;2.500\n")
+    with refused("column b", "point 2", "1500.5 with a decimal point"):
+        read_columns(path, {"b": None}, "", choice=Choice(","))
 
 
 @pytest.mark.parametrize("between", ["", "paused", "a,b", "a,b\n(s),(N)"])

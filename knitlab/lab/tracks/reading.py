@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from knitlab.io.errors import invalid
 from knitlab.io.table_file import unit_factor
-from knitlab.io.table_readings import UNSTATED, Choice
+from knitlab.io.table_readings import Choice
 from knitlab.lab.tracks.deeplabcut import DEEPLABCUT
 from knitlab.lab.tracks.rows import ROWS, TRACKPY
 from knitlab.lab.tracks.sleap import SLEAP
@@ -44,7 +44,7 @@ def read_tracks(
     pixel: float = 1.0,
     first_frame: int | None = None,
     frame_rate: float | None = None,
-    choice: Choice = UNSTATED,
+    choice: Choice | None = None,
 ) -> ReadTracks:
     """Read the markers of a tracker with a confidence; InputError if no format recognises the file.
 

@@ -20,7 +20,7 @@ from knitlab.io.table_file import (
     read_tables,
     several,
 )
-from knitlab.io.table_readings import UNSTATED, Choice
+from knitlab.io.table_readings import Choice
 from knitlab.io.text_file import read_text
 
 Trajectories = Float[np.ndarray, "frame marker 2"]
@@ -45,7 +45,7 @@ class TrackFile:
     """A file of a tracker; text and table are read when a format first asks for them."""
 
     path: Path
-    choice: Choice = UNSTATED
+    choice: Choice | None = None
 
     @property
     def is_table(self) -> bool:
