@@ -267,10 +267,11 @@ def _in_unit(name: str, variable: xr.Variable, where: str) -> xr.Variable:
     if stated != known.units:
         from knitlab.io.table_file import unit_factor  # imports pint
 
-        hint = f"as {known.units}"
-        factor, mistakes = unit_factor(f"{where}: {name}", str(stated), known.units, hint)
-        if mistakes:
-            raise NoCube(mistakes)
+        try:
+            hint = f"as {known.units}"
+            factor = unit_factor(f"{where}: {name}", str(stated), known.units, hint)
+        except InputError as error:
+            raise NoCube(error.mistakes) from error
     texts = {key: each for key, each in variable.attrs.items() if key != "long_name"}
     if isinstance(label := variable.attrs.get("long_name"), str):
         texts["long_name"] = label

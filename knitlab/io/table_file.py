@@ -6,6 +6,7 @@ header are left out. What is ambiguous or incomplete is an error that names the 
 
 import re
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +17,7 @@ import pandas as pd
 import pint
 from jaxtyping import Float
 
-from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any
+from knitlab.io.errors import ErrorCollector, InputError, invalid, raise_if_any
 from knitlab.io.limits import MAX_CHOICES
 from knitlab.io.table_readings import (
     IN_BRACKETS,
@@ -118,18 +119,16 @@ def places(tables: Sequence[Table | Block]) -> str:
     return ", ".join(table.place for table in tables[:MAX_CHOICES]) + more
 
 
-def column_numbers(
-    path: Path, name: str, column: pd.Series
-) -> tuple[Float[np.ndarray, " point"], list[Mistake]]:
-    """The numbers of a column, and mistakes for the entries that are not numbers."""
+def column_numbers(path: Path, name: str, column: pd.Series) -> Float[np.ndarray, " point"]:
+    """The numbers of a column; InputError names the first entry that is not a number."""
     values = pd.to_numeric(column, errors="coerce").to_numpy(float)
     bad = np.flatnonzero(~np.isfinite(values))
-    if not len(bad):
-        return values, []
-    more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
-    value = repr(column.iloc[bad[0]]) if column.iloc[bad[0]] else "empty"
-    message = f"point {bad[0] + 1} is {value}{more}, not a finite number; give a record without it"
-    return values, [Mistake(f"{path}: column {name}", message)]
+    if len(bad):
+        more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
+        value = repr(column.iloc[bad[0]]) if column.iloc[bad[0]] else "empty"
+        message = f"point {bad[0] + 1} is {value}{more}, not a finite"
+        raise invalid(f"{path}: column {name}", f"{message} number; give a record without it")
+    return values
 
 
 class Columns(NamedTuple):
@@ -155,28 +154,30 @@ def read_columns(
         return all(_columns_named(headers, name) for name in names)
 
     (headers, rows, *_), unread = read_table(path, example, fits, choice)
-    columns, mistakes = {}, list[Mistake]()
+    columns, mistakes = {}, ErrorCollector()
     for name in (*names, *optional):
-        where, known = f"{path}: column {name}", _columns_named(headers, name)
-        if len(known) == 1:
-            (column,) = known
-            columns[name], wrong = column_numbers(path, name, rows[column])
-            unit, given = names.get(name), name_and_unit(headers[column])[1]
-            if unit is not None and given and is_unit(given):
-                factor, mistaken = unit_factor(where, given, unit, f"such as {unit}")
-                if mistaken or not np.isclose(factor, 1):
-                    shown = IN_BRACKETS.findall(headers[column])[-1]
-                    message = f"is in {shown} by its header, but {unit} is stated; state {given}"
-                    wrong.insert(0, Mistake(where, message))
-        else:
-            message = f"is missing; the file has {', '.join(headers)}; {example}"
-            wrong = [Mistake(where, "occurs twice; export it once" if known else message)]
-        if name not in optional:
-            mistakes += wrong
-        elif wrong:
-            columns.pop(name, None)
-    raise_if_any(mistakes)
+        with suppress(InputError) if name in optional else mistakes:
+            known = _columns_named(headers, name)
+            if len(known) != 1:
+                message = f"is missing; the file has {', '.join(headers)}; {example}"
+                message = "occurs twice; export it once" if known else message
+                raise invalid(f"{path}: column {name}", message)
+            _check_unit(f"{path}: column {name}", headers[known[0]], names.get(name))
+            columns[name] = column_numbers(path, name, rows[known[0]])
+    raise_if_any(mistakes.all)
     return Columns(columns, unread)
+
+
+def _check_unit(where: str, header: str, stated: str | None) -> None:
+    """InputError if a header has another unit than the stated one."""
+    given = name_and_unit(header)[1]
+    if stated is None or not (given and is_unit(given)):
+        return
+    with suppress(InputError):
+        if np.isclose(unit_factor(where, given, stated, ""), 1):
+            return
+    message = f"is in {IN_BRACKETS.findall(header)[-1]} by its header, but {stated} is stated"
+    raise invalid(where, f"{message}; state {given}")
 
 
 def _columns_named(headers: list[str], name: str) -> list[int]:
@@ -198,22 +199,22 @@ def name_and_unit(header: str) -> tuple[str, str]:
     return (match["name"], match["unit"]) if match and is_unit(match["unit"]) else (header, "")
 
 
-def unit_factor(where: str, unit: str, target: str, hint: str) -> tuple[float, list[Mistake]]:
-    """Factor from one unit to another, or a mistake; ``hint`` names accepted units."""
+def unit_factor(where: str, unit: str, target: str, hint: str) -> float:
+    """Factor from one unit to another; ``hint`` names the units that InputError asks for."""
     quantity = pint.get_application_registry().Quantity
     given, wanted = ("dimensionless" if each == "1" else each for each in (unit, target))
+    message = f"is in {unit}; give it in a unit {hint}"
     try:
         once, twice = quantity(1.0, given), quantity(2.0, given)
         factor, double = (float(each.to(wanted).magnitude) for each in (once, twice))
         angle = target == "1" and not once.to_root_units().unitless
-        logarithmic = not np.isclose(double, 2 * factor)
-        if not (angle or logarithmic):
-            return factor, []
+        if np.isclose(double, 2 * factor) and not angle:  # neither logarithmic nor an angle
+            return factor
     except pint.DimensionalityError:
         pass
     except Exception:  # pint raises many types for a text that is not a unit
-        return np.nan, [Mistake(where, f"has the unknown unit {unit!r}; give one {hint}")]
-    return np.nan, [Mistake(where, f"is in {unit}; give it in a unit {hint}")]
+        message = f"has the unknown unit {unit!r}; give one {hint}"
+    raise invalid(where, message)
 
 
 def _table(path: Path, block: Block, example: str) -> Table:

@@ -14,7 +14,7 @@ from pydantic import (
     model_validator,
 )
 
-from knitlab.io.errors import invalid
+from knitlab.io.errors import InputError, invalid
 from knitlab.io.names import Line
 from knitlab.io.table_file import unit_factor
 from knitlab.io.table_readings import Choice, Decimal
@@ -37,11 +37,10 @@ class _InUnit(StrictModel):
 
     def factor(self, target: str) -> float:
         """Factor that converts its unit to one of :data:`UNITS`; ValueError if there is none."""
-        wanted = f"of {UNITS[target]}, such as {target}"
-        factor, mistakes = unit_factor("", self.unit, target, wanted)
-        if mistakes:
-            raise ValueError(mistakes[0].message)
-        return factor
+        try:
+            return unit_factor("", self.unit, target, f"of {UNITS[target]}, such as {target}")
+        except InputError as error:
+            raise ValueError(error.mistakes[0].message) from None
 
 
 class MeasuredQuantity(_InUnit):

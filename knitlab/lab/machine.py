@@ -20,7 +20,6 @@ MIN_POINTS = 3  # rows of a log
 LAST_STEP = 0.1  # of the applied strain, that the record may end before the last strain
 OVERLOAD = 9e36  # meters write 9.9E37 and 9.91E37 in place of what they cannot measure
 STATUS = "status"  # column that is read if there is one
-LEFT_OUT = "readings that report an overload or a status are left out"
 COLUMN_UNITS = {"time": "s", "extension": "mm", "force": "N", "capacitance": "pF"}  # of a log
 
 Values = dict[str, Any]  # values by variable name
@@ -37,19 +36,11 @@ class Pulls:
     triggered: float  # time at which the trigger rose, NaN without one
     length: float  # relaxed, between the clamps [mm]
     cycles: list[Cycle]
-    remarks: tuple[str, ...] = ()  # on what of the file is left out
+    remarks: tuple[str, ...] = ()  # how many cycles there are, and what is left out
 
     def strain(self, time: Record) -> Record:
         """Applied strain at times of the machine's clock; NaN before and after its log."""
         return np.interp(time, self.time, self.extension, left=np.nan, right=np.nan) / self.length
-
-    @property
-    def summary(self) -> tuple[str, ...]:
-        """How many cycles there are, and what is left out."""
-        return (
-            f"{len(self.cycles)} cycle{'s' * (len(self.cycles) > 1)} of the machine",
-            *self.remarks,
-        )
 
 
 def read_tensile(folder: Path, description: Description) -> Imports:
@@ -57,12 +48,13 @@ def read_tensile(folder: Path, description: Description) -> Imports:
     pulls, width = read_pulls(folder, description), description.sample.width.to("mm")
     strains, values = np.array(description.protocol.applied_strain), []
     rounding = rounding_error(pulls.force)
-    for pulled in (cycle.loaded(pulls.time) for cycle in pulls.cycles):
+    for cycle in pulls.cycles:
+        pulled = cycle.loaded(pulls.time)
         strain = pulls.extension[pulled] / pulls.length
         force, error, _ = resampled(strains, strain, pulls.force[pulled])
         in_cycle = {"reaction_force": force, "reaction_force_error": np.hypot(error, rounding)}
         values.append(in_cycle | {"force_per_width": force / width})
-    return values, [*pulls.summary]
+    return values, [*pulls.remarks]
 
 
 def read_pulls(folder: Path, description: Description) -> Pulls:
@@ -82,25 +74,26 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
         raise invalid(column, f"never rises{after}; give a test in which the sample is pulled")
     pulled = pulls[0].loaded(log["time"])
     strain, force = log["extension"][pulled] / length, log["force"][pulled]
-    requested = protocol.applied_strain
-    if strain.max() < requested[1]:
-        message = f"reaches an applied strain of only {strain.max():.3g} in its first cycle"
-        hint = "check its unit and sign and the sample's length, or skip_cycles"
-        raise invalid(column, f"{message}; {hint}")
-    if strain.min() > requested[1] / 2:
-        message = f"begins at an applied strain of {strain.min():.3g}"
-        hint = "give the extension from the relaxed length, which is 0 there"
-        raise invalid(column, f"{message}; {hint}")
+    requested, reached = protocol.applied_strain, strain.max()
+    message = ""
+    if reached < requested[1]:
+        message = f"reaches an applied strain of only {reached:.3g} in its first cycle; check its"
+        message += " unit and sign and the sample's length, or skip_cycles"
+    elif strain.min() > requested[1] / 2:
+        message = f"begins at an applied strain of {strain.min():.3g}; give the extension from the"
+        message += " relaxed length, which is 0 there"
     # A hold begins where the noise of the extension does not show whether it is reached.
-    if strain.max() < requested[-1] - LAST_STEP * (requested[-1] - requested[-2]):
-        message = f"ends at an applied strain of {strain.max():.3g} in its first cycle, but"
-        hint = "reduce strain_max, or give skip_cycles"
-        raise invalid(column, f"{message} strain_max is {requested[-1]:g}; {hint}")
+    elif reached < requested[-1] - LAST_STEP * (requested[-1] - requested[-2]):
+        message = f"ends at an applied strain of {reached:.3g} in its first cycle, but strain_max"
+        message += f" is {requested[-1]:g}; reduce strain_max, or give skip_cycles"
+    if message:
+        raise invalid(column, message)
     strain, force = strain[np.isfinite(force)], force[np.isfinite(force)]
     if force.size and np.ptp(force) > 0 and np.corrcoef(strain, force)[0, 1] < 0:
         message = "falls as the sample is pulled; give tension as positive"
         raise invalid(f"{path}: column {table.force.column}", message)
-    return Pulls(**log, triggered=triggered, length=length, cycles=pulls, remarks=tuple(remarks))
+    lines = (f"{len(pulls)} cycle{'s' * (len(pulls) > 1)} of the machine", *remarks)
+    return Pulls(**log, triggered=triggered, length=length, cycles=pulls, remarks=lines)
 
 
 def read_capacitance(folder: Path, description: Description) -> Imports:
@@ -143,7 +136,7 @@ def read_capacitance(folder: Path, description: Description) -> Imports:
         return values | sensor_values(strains[finite], capacitance[finite], least)
 
     shift = f"the meter's clock is {starts:+.3g} s from the machine's"
-    lines = [*pulls.summary, shift, *remarks, *bad]
+    lines = [*pulls.remarks, shift, *remarks, *bad]
     return [cycle_values(cycle) for cycle in pulls.cycles], lines
 
 
@@ -191,7 +184,8 @@ def _read_log(
     }
     remarks = list(unread)
     if not good.all():
-        remarks.append(f"{(~good).sum()} {LEFT_OUT}")
+        bad = (~good).sum()
+        remarks.append(f"{bad} readings that report an overload or a status are left out")
     if (np.diff(values["time"]) < 0).any():
         ascending, departing = without_bad_readings("time", values["time"])
         known = np.isfinite(ascending)
@@ -199,9 +193,8 @@ def _read_log(
         values = {name: each[known] for name, each in values.items()}
         remarks += departing
     time = values["time"]
-    if len(time) < MIN_POINTS:
-        message = f"has {len(time)} rows of measurements; give at least {MIN_POINTS}"
-        raise invalid(str(path), message)
+    if (rows := len(time)) < MIN_POINTS:
+        raise invalid(str(path), f"has {rows} rows of measurements; give at least {MIN_POINTS}")
     steps = np.diff(time)
     if (steps < 0).any():
         one, other = time[(steps < 0).argmax() :][:2]

@@ -97,7 +97,7 @@ def read_markers(folder: Path, description: Description) -> Imports:
             pull = f"the first pull, from {pulls.cycles[0].start:g} s to {pulls.cycles[0].turn:g} s"
             message = f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, and does"
             raise invalid(str(path), f"{message} not cover {pull}; correct starts or frame_rate")
-        summary += pulls.summary
+        summary += pulls.remarks
     pulled = np.nanmax(np.abs(strain[: table.relaxed_frames]), initial=0.0)
     if frames[0] > 0 and pulled > MAX_AT_START * requested[1]:
         message = f"shows its first markers in frame {frames[0]:g}, at a strain of {pulled:.3g}"
@@ -109,7 +109,13 @@ def read_markers(folder: Path, description: Description) -> Imports:
         raise invalid(f"{path}: relaxed_frames {table.relaxed_frames}", f"{message}; {hint}")
     if table.align == "pull":
         marked = along_pull(path, marked, strain)
-    check_pull(path, marked, strain)
+    # As with coordinates in the order (row, column).
+    drift, separation, across = marked.motion(strain)
+    size = np.linalg.norm(separation)
+    drifts_across = np.linalg.norm(drift) > MIN_DRIFT * size and abs(drift[0]) > abs(drift[1])
+    if drifts_across and abs(across[0]) > size:
+        message = "shows a sample that is pulled along its weft; correct weft and warp, or the"
+        raise invalid(str(path), f"{message} order of the coordinates, which is x, y")
     strains = np.array(requested)
     values = [marker_values(marked, strains, strain[span], span) for span in spans]
     mean, error = values[0]["mean_strain_yy"], values[0]["mean_strain_yy_error"]
@@ -147,11 +153,12 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     _check_fits(path, marked, sample)
     corners, dropped = without_implausible(relaxed, corners)
     markers = grid.marker[::every_y, ::every_x]
-    remarks = list(read.summary)
-    for row, column, frame, reason in dropped:
-        name, since = markers[row, column], read.frames[frame]
-        remarks.append(f"marker {name} {reason}: it is left out from frame {since:g} on")
-    return replace(marked, corners=corners, remarks=remarks)
+    lines = (
+        f"marker {markers[row, column]} {reason}: it is left out from frame"
+        f" {read.frames[frame]:g} on"
+        for row, column, frame, reason in dropped
+    )
+    return replace(marked, corners=corners, remarks=[*read.summary, *lines])
 
 
 def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
@@ -189,34 +196,21 @@ def along_pull(path: Path, marked: MarkedSample, strain: Strains) -> MarkedSampl
     if not separation.any():
         return marked
     drift_turn, turn = (
-        float(np.arctan(-across / along)) if along else np.pi / 2
-        for across, along in (drift, separation)
+        float(np.arctan(-x / y)) if y else np.pi / 2 for x, y in (drift, separation)
     )
     difference = (drift_turn - turn + np.pi / 2) % np.pi - np.pi / 2
     drifting = np.linalg.norm(drift) > MIN_DRIFT * np.linalg.norm(separation)
     if drifting and abs(difference) > np.radians(MAX_MISALIGNMENT):
-        moves = f"moves {abs(np.degrees(difference)):.0f}° off the separation of its rows"
-        hint = "correct weft and warp, or if the camera moved give align = picture"
-        raise invalid(str(path), f"shows a sample that {moves}; {hint}")
+        message = f"shows a sample that moves {abs(np.degrees(difference)):.0f}° off the separation"
+        message += " of its rows; correct weft and warp, or if the camera moved give"
+        raise invalid(str(path), f"{message} align = picture")
     if drifting and abs(difference) <= AGREEING:
         turn = drift_turn
     if abs(turn) > np.radians(MAX_MISALIGNMENT):
-        message = f"shows a pull that is {np.degrees(turn):.0f}° from the warp"
-        hint = "correct weft, warp or turned, or give align = picture"
-        raise invalid(str(path), f"{message}; {hint}")
+        message = f"shows a pull that is {np.degrees(turn):.0f}° from the warp; correct weft, warp"
+        raise invalid(str(path), f"{message} or turned, or give align = picture")
     back = _clockwise(turn).T
-    relaxed, corners = marked.relaxed @ back, marked.corners @ back
-    return replace(marked, relaxed=relaxed, corners=corners, turn=turn)
-
-
-def check_pull(path: Path, marked: MarkedSample, strain: Strains) -> None:
-    """Refuse a sample that moves along its weft, as with coordinates in the order (row, column)."""
-    drift, separation, across = marked.motion(strain)
-    size = np.linalg.norm(separation)
-    drifts_across = np.linalg.norm(drift) > MIN_DRIFT * size and abs(drift[0]) > abs(drift[1])
-    if drifts_across and abs(across[0]) > size:
-        message = "shows a sample that is pulled along its weft; correct weft and warp, or the"
-        raise invalid(str(path), f"{message} order of the coordinates, which is x, y")
+    return replace(marked, relaxed=marked.relaxed @ back, corners=marked.corners @ back, turn=turn)
 
 
 def _median(vectors: Float[np.ndarray, "*any 2"]) -> Vector:

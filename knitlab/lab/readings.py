@@ -5,7 +5,6 @@ with each other. Steps that persist, such as the snaps of a fabric, are therefor
 """
 
 import warnings
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +26,6 @@ FLAT = 5  # times as many as at the levels next to it
 MOVING = 0.02  # of the range of strain, over which they are equal
 
 Record = Float[np.ndarray, " record"]
-Curve = tuple[Float[np.ndarray, "_"], Float[np.ndarray, "_"]]  # strain and force
 Places = Int[np.ndarray, " record"]
 Runs = Int[np.ndarray, " run"]
 Chosen = Bool[np.ndarray, " record"]
@@ -43,33 +41,16 @@ def without_bad_readings(
     kept, lines = values.copy(), list[str]()
     bad = departing(values, strain)
     runs = int(np.sum(bad[1:] > bad[:-1]))
-    if runs > max(1, MAX_SHARE * len(values)):
-        lines.append(
-            f"{bad.sum()} readings of {name} depart from their neighbours: too many to leave out"
-        )
-    elif runs:
-        kept[bad] = np.nan
-        lines.append(f"{bad.sum()} readings of {name} depart from their neighbours: left out")
+    if runs:
+        is_shape = runs > max(1, MAX_SHARE * len(values))
+        done = "too many to leave out" if is_shape else "left out"
+        lines.append(f"{bad.sum()} readings of {name} depart from their neighbours: {done}")
+        kept[bad & (not is_shape)] = np.nan
     if strain is not None and (flat := saturated(kept, strain, bottom=bottom)).any():
         limits = " and ".join(f"{limit:.4g}" for limit in np.unique(kept[flat]))
         lines.append(f"{flat.sum()} readings of {name} are saturated at {limits}: left out")
         kept[flat] = np.nan
     return kept, lines
-
-
-def curves_without_bad_readings(
-    curves: Mapping[str, Curve],
-) -> tuple[dict[str, Curve], tuple[str, ...]]:
-    """Strain and force of repeats without bad readings of either, and lines that count them."""
-    kept, lines = dict[str, Curve](), list[str]()
-    for repeat, (strain, force) in curves.items():
-        of_repeat = f" of repeat {repeat}" if len(curves) > 1 else ""
-        known_strain, bad_strain = without_bad_readings(f"strain{of_repeat}", strain)
-        known_force, bad_force = without_bad_readings(f"force{of_repeat}", force, strain)
-        known = np.isfinite(known_strain + known_force)
-        kept[repeat] = strain[known], force[known]
-        lines += bad_strain + bad_force
-    return kept, tuple(lines)
 
 
 def departing(values: Record, strain: Record | None = None) -> Chosen:

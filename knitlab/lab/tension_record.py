@@ -1,6 +1,6 @@
 """Records of a testing machine on a pure fabric: repeats, cycles and noise become curves."""
 
-from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from knitlab.io.errors import Mistake, invalid, raise_if_any
+from knitlab.io.errors import ErrorCollector, InputError, Mistake, invalid, raise_if_any
 from knitlab.io.table_file import (
     Table,
     column_numbers,
@@ -19,8 +19,8 @@ from knitlab.io.table_file import (
     unit_factor,
 )
 from knitlab.io.table_readings import Choice, Decimal
-from knitlab.lab.readings import curves_without_bad_readings
-from knitlab.lab.record_start import Zero, loading_start, start_correction
+from knitlab.lab.readings import without_bad_readings
+from knitlab.lab.record_start import Start, Zero, loading_start, start_correction
 from knitlab.lab.records import Record, cycles, resampled
 
 EXAMPLE = "write it as in 'strain [1],force [N]' or 'repeat [1],extension [mm],force [N]'"
@@ -164,16 +164,14 @@ def read_tension_record(
     for repeat, (strain, force) in records.repeats.items():
         column = f"{path}: column strain" + (f", repeat {repeat}" if repeat != "1" else "")
         loading, n_cycles = _loading(strain, cycle, column)
-        below = loading & (strain < 0)
-        taken = loading & ~below
-        if strain[loading].min() < -max(SLACK, SLACK * strain[loading].max()):
-            least = strain[loading].min()
+        if (least := strain[loading].min()) < -max(SLACK, SLACK * strain[loading].max()):
             raise invalid(column, f"goes down to {least:g}; give tension alone, from 0 up")
+        taken = loading & (strain >= 0)
         if (points := len(np.unique(strain[taken]))) < MIN_POINTS:
             message = f"has {points} points; three parameters need at least {MIN_POINTS}"
             raise invalid(column, message)
         branches.append((strain[taken], force[taken]))
-        left_out += int(below.sum())
+        left_out += int((loading & (strain < 0)).sum())
     count = sum(len(strain) for strain, _ in records.repeats.values())
     turned = sum(len(strain) for strain, _ in branches) < count - left_out
     of_cycles = f" of {n_cycles}" if n_cycles > 1 else ""
@@ -181,19 +179,30 @@ def read_tension_record(
     if left_out:
         lines.append(f"{left_out} records at negative strain are left out")
     lines += records.summary
-    if len(branches) == 1 and not turned and not np.any(np.diff(branches[0][0]) < 0):
-        ((at, force),) = branches
-        return TensionRecord(at, force[None], records.per_width, tuple(lines), str(path))
-    start = max(float(strain.min()) for strain, _ in branches)
-    end = min(float(strain.max()) for strain, _ in branches)
-    at = _middles(start, end, CURVE_POINTS)
-    curves = np.array([resampled(at, *branch).values for branch in branches])
-    for curve in curves:  # where a repeat has no readings, between those that it has
-        read = np.isfinite(curve)
-        curve[:] = np.interp(at, at[read], curve[read], left=np.nan, right=np.nan)
-    known = np.isfinite(curves).all(axis=0)
-    lines.append(f"{known.sum()} points, up to strain {at[known].max():.3g}, of every repeat")
-    return TensionRecord(at[known], curves[:, known], records.per_width, tuple(lines), str(path))
+    ((at, force), *others) = branches
+    curves = force[None]
+    if others or turned or np.any(np.diff(at) < 0):
+        start = max(float(strain.min()) for strain, _ in branches)
+        end = min(float(strain.max()) for strain, _ in branches)
+        at = _middles(start, end, CURVE_POINTS)
+        curves = np.array([_curve(at, *branch) for branch in branches])
+        known = np.isfinite(curves).all(axis=0) & (start < end)
+        if not known.any():
+            message = f"has a repeat from strain {start:.3g} on, and another up to {end:.3g}"
+            raise invalid(str(path), f"{message}; give repeats of the same strains, or table")
+        at, curves = at[known], curves[:, known]
+        lines.append(f"{len(at)} points, up to strain {at.max():.3g}, of every repeat")
+    return TensionRecord(at, curves, records.per_width, tuple(lines), str(path))
+
+
+def _curve(at: Points, strain: Record, force: Record) -> Points:
+    """A repeat at some strains, interpolated between those at which it has readings."""
+    values = resampled(at, strain, force).values
+    read = np.isfinite(values)
+    if read.any():
+        return np.interp(at, at[read], values[read], left=np.nan, right=np.nan)
+    order = np.argsort(strain, kind="stable")
+    return np.interp(at, strain[order], force[order])
 
 
 def read_cycles(
@@ -235,9 +244,11 @@ def read_cycles(
 
 
 class _Records(NamedTuple):
-    repeats: dict[str, tuple[Record, Record]]  # strain, and force or force over width
+    repeats: dict[str, tuple[Record, Record]]  # strain, and load or force over width
+    load: str  # force or stress
     per_width: bool
-    summary: tuple[str, ...]  # of the corrections
+    repeat_name: str  # of the column of repeats, in lower case
+    summary: tuple[str, ...]  # what is read and what is not, and the corrections
 
 
 def _read(
@@ -249,19 +260,39 @@ def _read(
     *,
     one_swatch: bool = False,
 ) -> _Records:
-    columns = _columns(path, lengths, choice, one_swatch=one_swatch)
-    if one_swatch and len(columns.repeats) > 1 and columns.repeat_name not in OF_ONE_SWATCH:
+    """Strain and force of repeats, corrected; of several tables of the same columns, too."""
+    tables, unread = read_tables(path, EXAMPLE, _has_curve, choice)
+    forms = {(each.sheet, *each.headers) for each in tables}
+    if len(forms) > 1 or (one_swatch and len(tables) > 1):
+        raise several(path, tables, choice)
+    records = [_columns(path, table, lengths) for table in tables]
+    (first, *others), summary = records, [*records[0].summary, *unread]
+    repeats = first.repeats
+    if others:
+        repeats = {
+            f"{number}.{repeat}" if len(each.repeats) > 1 else f"{number}": curve
+            for number, each in enumerate(records, 1)
+            for repeat, curve in each.repeats.items()
+        }
+        same = f"{len(tables)} tables of the same columns are read as repeats: {places(tables)}"
+        summary.insert(0, same)
+    if one_swatch and len(repeats) > 1 and first.repeat_name not in OF_ONE_SWATCH:
         message = "has several swatches, and cycles are of one; give one, in a column repeat"
-        raise invalid(f"{path}: column {columns.repeat_name}", message)
-    curves, left_out = curves_without_bad_readings(columns.repeats)
-    width, unit = lengths["force"] or 1.0, "N/mm" if columns.load == "stress" else "N"
-    starts = {}
-    for repeat, (strain, force) in curves.items():
-        first = _loading(strain)[0] & (strain >= 0)
-        starts[repeat] = loading_start(strain[first], width * force[first])
-        if one_swatch:
-            break
-    correction = start_correction(f"{path}: column {columns.load}", starts, zero, preload, unit)
+        raise invalid(f"{path}: column {first.repeat_name}", message)
+    width, unit = lengths["force"] or 1.0, "N/mm" if first.load == "stress" else "N"
+    curves, starts = {}, dict[str, Start | None]()
+    for repeat, (strain, force) in repeats.items():
+        of_repeat = f" of repeat {repeat}" if len(repeats) > 1 else ""
+        known_strain, bad_strain = without_bad_readings(f"strain{of_repeat}", strain)
+        known_force, bad_force = without_bad_readings(f"force{of_repeat}", force, strain)
+        summary += bad_strain + bad_force
+        known = np.isfinite(known_strain + known_force)
+        at, pulled = strain[known], force[known]
+        curves[repeat] = at, pulled
+        if not (one_swatch and starts):
+            rising = _loading(at)[0] & (at >= 0)
+            starts[repeat] = loading_start(at[rising], width * pulled[rising])
+    correction = start_correction(f"{path}: column {first.load}", starts, zero, preload, unit)
     (common, *_) = correction.offsets.values()
     corrected = {
         repeat: (
@@ -270,36 +301,7 @@ def _read(
         )
         for repeat, (strain, force) in curves.items()
     }
-    per_width = columns.load == "stress" or lengths["force"] is not None
-    return _Records(corrected, per_width, (*columns.summary, *left_out, *correction.summary))
-
-
-class _Columns(NamedTuple):
-    repeats: dict[str, tuple[Record, Record]]  # strain and load of each, as recorded
-    repeat_name: str  # of the column of repeats, in lower case
-    load: str  # force or stress
-    summary: tuple[str, ...]  # which columns and tables are read, where there are others
-
-
-def _columns(
-    path: Path, lengths: dict[str, float | None], choice: Choice, *, one_swatch: bool
-) -> _Columns:
-    """Strain and load of a table, or of several of the same columns in one sheet, as repeats."""
-    tables, unread = read_tables(path, EXAMPLE, _has_curve, choice)
-    forms = {(table.sheet, *table.headers) for table in tables}
-    if len(tables) > 1 and (one_swatch or len(forms) > 1):
-        raise several(path, tables, choice)
-    read = [_columns_of_table(path, table, lengths) for table in tables]
-    first, summary = read[0], (*read[0].summary, *unread)
-    if len(read) == 1:
-        return first._replace(summary=summary)
-    repeats = {
-        f"{number}.{repeat}" if len(columns.repeats) > 1 else f"{number}": curve
-        for number, columns in enumerate(read, 1)
-        for repeat, curve in columns.repeats.items()
-    }
-    message = f"{len(tables)} tables of the same columns are read as repeats: {places(tables)}"
-    return first._replace(repeats=repeats, summary=(message, *summary))
+    return first._replace(repeats=corrected, summary=(*summary, *correction.summary))
 
 
 def _has_curve(headers: list[str]) -> bool:
@@ -307,88 +309,83 @@ def _has_curve(headers: list[str]) -> bool:
     return bool(kinds & set(ALONG)) and bool(kinds & set(LOADS))
 
 
-def _columns_of_table(path: Path, read: Table, lengths: dict[str, float | None]) -> _Columns:
-    headers, table = read.headers, read.rows
+def _columns(path: Path, read: Table, lengths: dict[str, float | None]) -> _Records:
+    """Strain and load of a table, as recorded."""
     columns: dict[str, tuple[int, str, str]] = {}
-    mistakes = []
-    for number, header in enumerate(headers):
+    mistakes = ErrorCollector()
+    for number, header in enumerate(read.headers):
         name, unit = name_and_unit(header)
         kind = _kind(name, unit)
         if kind is None:
             continue
         if not unit and kind != "repeat":
-            mistakes.append(Mistake(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
+            mistakes.all.append(Mistake(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
         if kind in columns:
             first = columns[kind][2]
             message = "occurs twice" if name == first else f"is {kind}, and so is {first}"
-            message += "; export one of them, and specimens below each other, as repeats"
-            mistakes.append(Mistake(f"{path}: column {name}", message))
+            message += "; export one of them, and each specimen as a table of its own"
+            mistakes.all.append(Mistake(f"{path}: column {name}", message))
         columns[kind] = number, unit, name
-    along, load = _chosen(columns, lengths)
-    if along is None:
-        message = f"is missing; the file has {', '.join(headers)}; {EXAMPLE}"
-        mistakes.append(Mistake(f"{path}: column strain", message))
-    if load is None:
-        message = f"has neither; it has {', '.join(headers)}; {EXAMPLE}"
+    along, *other_along = [kind for kind in ALONG if kind in columns] or [""]
+    if other_along and lengths["extension"] is not None:
+        along, other_along = "extension", ["strain"]
+    loads = [kind for kind in LOADS if kind in columns]
+    if len(loads) > 1:  # that whose length is given
+        loads = [kind for kind in LOADS if lengths[kind] is not None]
+    if not along:
+        message = f"is missing; the file has {', '.join(read.headers)}; {EXAMPLE}"
+        mistakes.all.append(Mistake(f"{path}: column strain", message))
+    if len(loads) != 1:
+        message = f"has neither; it has {', '.join(read.headers)}; {EXAMPLE}"
         if columns.keys() & set(LOADS):
             message = f"has both; give width = WIDTH alone to read {columns['force'][2]}, or"
             message += f" give thickness = THICKNESS alone to read {columns['stress'][2]}"
-        mistakes.append(Mistake(f"{path}: columns force and stress", message))
-    raise_if_any(mistakes)
-    assert along is not None
-    assert load is not None
-    values = []
+        mistakes.all.append(Mistake(f"{path}: columns force and stress", message))
+    raise_if_any(mistakes.all)
+    (load,), values = loads, []
     for kind in (along, load):
         (number, unit, name), size = columns[kind], lengths.get(kind)
         over_width = " over width" if kind == "stress" and size is None else ""
-        column, (target, hint) = f"{path}: column {name}", TARGETS[kind + over_width]
-        numbers, wrong = column_numbers(path, name, table[number])
-        factor, unit_mistakes = unit_factor(column, unit, target, hint)
-        if kind == "extension" and size is None:
-            unit_mistakes = [Mistake(column, "needs the gauge_length, the relaxed length, in mm")]
-        mistakes += wrong + unit_mistakes
-        scale = size or 1.0
-        values.append(numbers * factor * (scale if kind == "stress" else 1 / scale))
+        column = f"{path}: column {name}"
+        with mistakes:
+            if kind == "extension" and size is None:
+                raise invalid(column, "needs the gauge_length, the relaxed length, in mm")
+            factor, scale = unit_factor(column, unit, *TARGETS[kind + over_width]), size or 1.0
+            numbers = column_numbers(path, name, read.rows[number])
+            values.append(numbers * factor * (scale if kind == "stress" else 1 / scale))
     for other, name in (("stress", "thickness"), ("force", "width")):
         if other not in columns and (size := lengths[other]) is not None:
             message = f"is for {other}, but the record holds {load}; leave it out"
-            mistakes.append(Mistake(f"{name} {size:g}", message))
-    raise_if_any(mistakes)
-    beside = [
-        f"{columns[kind][2]} is read, and not {columns[other][2]}"
-        for kind, kinds in ((along, ALONG), (load, LOADS))
-        for other in kinds
-        if other != kind and other in columns
-    ]
+            mistakes.all.append(Mistake(f"{name} {size:g}", message))
+    raise_if_any(mistakes.all)
     strain, force = values
-    if "repeat" not in columns:
-        return _Columns({"1": (strain, force)}, "", load, tuple(beside))
-    number, _, name = columns["repeat"]
-    repeats = table[number].to_numpy(str)
-    owned = {repeat: repeats == repeat for repeat in dict.fromkeys(repeats.tolist())}
-    by_repeat = {repeat: (strain[own], force[own]) for repeat, own in owned.items()}
-    return _Columns(by_repeat, name.lower(), load, tuple(beside))
-
-
-def _chosen(
-    columns: Collection[str], lengths: dict[str, float | None]
-) -> tuple[str | None, str | None]:
-    """Which columns are the strain and the load; of two, that whose length is given."""
-    along, loads = ([kind for kind in kinds if kind in columns] for kinds in (ALONG, LOADS))
-    given = [kind for kind in loads if lengths[kind] is not None]
-    if len(along) > 1 and lengths["extension"] is not None:
-        along = ["extension"]
-    loads = given if len(loads) > 1 else loads
-    return next(iter(along), None), loads[0] if len(loads) == 1 else None
+    beside = [(along, other) for other in other_along]
+    beside += [(load, other) for other in LOADS if other != load and other in columns]
+    repeats, repeat_name = np.full(len(strain), "1"), ""
+    if "repeat" in columns:
+        number, _, repeat_name = columns["repeat"]
+        repeats = read.rows[number].to_numpy(str)
+    return _Records(
+        {
+            repeat: (strain[repeats == repeat], force[repeats == repeat])
+            for repeat in dict.fromkeys(repeats.tolist())
+        },
+        load,
+        load == "stress" or lengths["force"] is not None,
+        repeat_name.lower(),
+        tuple(f"{columns[one][2]} is read, and not {columns[other][2]}" for one, other in beside),
+    )
 
 
 def _kind(name: str, unit: str) -> str | None:
     """What a column holds, by its name and, if that has two meanings, by its unit."""
     plain = " ".join(name.lower().replace("_", " ").split())
     kinds = [kind for kind, names in NAMES.items() if plain in names]
-    if len(kinds) > 1:
-        kinds.sort(key=lambda kind: len(unit_factor(name, unit or "1", *TARGETS[kind])[1]))
-    return kinds[0] if kinds else None
+    for kind in kinds[:-1]:
+        with suppress(InputError):
+            unit_factor(name, unit or "1", *TARGETS[kind])
+            return kind
+    return kinds[-1] if kinds else None
 
 
 def _loading(

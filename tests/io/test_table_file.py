@@ -48,7 +48,7 @@ def read(tmp_path, content, encoding="utf-8"):
     path = tmp_path / "table.csv"
     path.write_bytes(content.encode(encoding))
     (headers, rows, *_), _ = read_table(path, "write rows of numbers", fits)
-    return headers, np.array([column_numbers(path, "x", rows[each])[0] for each in rows]).T
+    return headers, np.array([column_numbers(path, "x", rows[each]) for each in rows]).T
 
 
 def written(values, separator, mark, header, block):
@@ -126,8 +126,8 @@ def test_a_row_without_a_number_is_reported_as_a_point(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text("a,b\n1,2\nx,y\n5,6\n")
     (_, rows, *_), _ = read_table(path, "", fits)
-    _, mistakes = column_numbers(path, "a", rows[0])
-    assert "point 2 is 'x'" in str(mistakes[0])
+    with refused("point 2 is 'x'"):
+        column_numbers(path, "a", rows[0])
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_a_workbook_is_read(tmp_path):
     sheet.to_excel(path, header=False, index=False)
     (headers, rows, *_), _ = read_table(path, "", fits)
     assert headers == ["Time [s]", "Load [N]"]
-    assert column_numbers(path, "Load", rows[1])[0].tolist() == [1.5, 2.5, 3.25]
+    assert column_numbers(path, "Load", rows[1]).tolist() == [1.5, 2.5, 3.25]
 
 
 def with_three_decimals(values, separator, mark, thousands):

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import tomli_w
 
+from knitlab.lab.experiment import Imported, import_records
 from workflows.laboratory.make_synthetic import Camera, Protocol, tracked
 
 LENGTH, WIDTH = 80.0, 45.0
@@ -119,3 +120,7 @@ class Laboratory:
         path = self.folder / "sheet.toml"
         path.write_text(tomli_w.dumps(description or self.description()))
         return path
+
+    def imported(self, kind: str) -> Imported:
+        """The import of the records that are written."""
+        return import_records(kind, self.folder / "sheet.toml", self.folder / "results")

@@ -122,7 +122,7 @@ MARKERS = {
     "cut off": (lambda path: path.write_bytes(path.read_bytes()[:2000]), "not a complete"),
     "flat": (array(np.ravel), "(frames, markers, 2)"),
     "three dimensions": (array(lambda tracks: np.repeat(tracks, 2, 2)), "(frames, markers, 2)"),
-    "no frames": (array(lambda tracks: tracks[:0]), "is empty"),
+    "no frames": (array(lambda tracks: tracks[:0]), "(0, "),
     "words": (array(lambda tracks: tracks.astype(str)), "numbers"),
     "blind": (with_value(np.nan, slice(None)), "shows no marker"),
     "blind at the start": (with_value(np.nan, slice(24)), "frame 24, at a strain of 0.008"),

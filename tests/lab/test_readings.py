@@ -6,12 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab import import_records, read_tension_record
+from knitlab import read_tension_record
 from knitlab.lab.machine import rounding_error
 from knitlab.lab.readings import departing, saturated, without_bad_readings
 from knitlab.lab.records import resampled
-from tests.lab.recorded import Laboratory, capacitance, force
-from tests.refusals import refused
+from tests.lab.recorded import capacitance, force
 
 AT = np.linspace(0, 1, 11)
 STRAIN = np.linspace(0, 1, 400)
@@ -123,22 +122,11 @@ def test_equal_readings_of_a_rounded_record_or_of_a_hold_are_no_saturation():
     assert not saturated(held, held).any()
 
 
-@pytest.fixture
-def laboratory(tmp_path):
-    made = Laboratory(tmp_path)
-    made.write()
-    return made
-
-
-def imported(laboratory, kind):
-    return import_records(kind, laboratory.folder / "sheet.toml", laboratory.folder / "results")
-
-
 def test_glitches_of_all_columns_of_a_machine_change_nothing(laboratory):
     machine = laboratory.machine()
     machine["force"] += np.random.default_rng(0).normal(0, 0.05, len(machine))
     machine.to_csv(laboratory.folder / "tensile.csv", index=False)
-    clean = imported(laboratory, "tensile").cube.squeeze()
+    clean = laboratory.imported("tensile").cube.squeeze()
     for column, row, value in (
         ("time", 60, 0.001),
         ("extension", 140, 0.0),
@@ -148,7 +136,7 @@ def test_glitches_of_all_columns_of_a_machine_change_nothing(laboratory):
     ):
         machine.loc[row, column] = value
     machine.to_csv(laboratory.folder / "tensile.csv", index=False)
-    read = imported(laboratory, "tensile")
+    read = laboratory.imported("tensile")
     found = read.cube.squeeze()
     changed = np.abs(found.reaction_force - clean.reaction_force)
     assert (changed <= clean.reaction_force_error).all()
@@ -163,7 +151,7 @@ def test_glitches_and_zeros_of_a_meter_change_nothing(laboratory):
     meter.loc[[100, 180], "C"] = [1496.0, -3.0]
     meter.loc[[0, 1, 120, 150], "C"] = 0.0
     meter.to_csv(laboratory.folder / "meter.csv", index=False)
-    read = imported(laboratory, "capacitance")
+    read = laboratory.imported("capacitance")
     cube = read.cube.squeeze()
     astray = cube.capacitance / capacitance(cube.applied_strain) - 1
     assert (np.abs(astray) <= 3 * cube.capacitance_error).all()
@@ -177,11 +165,11 @@ def test_saturated_values_are_missing(laboratory):
     meter["C"] = np.clip(meter["C"], 1000 * capacitance(0.23), 1000 * capacitance(0.08))
     machine.to_csv(laboratory.folder / "tensile.csv", index=False)
     meter.to_csv(laboratory.folder / "meter.csv", index=False)
-    read = imported(laboratory, "tensile")
+    read = laboratory.imported("tensile")
     gone = np.isnan(read.cube.reaction_force.squeeze())
     np.testing.assert_array_equal(gone, np.arange(7) * 0.05 > 0.21)
     assert any("force are saturated at 0.6" in line for line in read.summary)
-    cube = imported(laboratory, "capacitance").cube.squeeze()
+    cube = laboratory.imported("capacitance").cube.squeeze()
     known = np.isfinite(cube.capacitance)
     np.testing.assert_array_equal(np.flatnonzero(known), [2, 3, 4])
     np.testing.assert_allclose(cube.capacitance[known], capacitance(np.array([0.1, 0.15, 0.2])))
@@ -191,7 +179,7 @@ def test_the_error_of_rounded_readings_is_at_least_that_of_rounding(laboratory):
     meter = laboratory.meter()
     meter["C"] = meter["C"].round(-2)
     meter.to_csv(laboratory.folder / "meter.csv", index=False)
-    cube = imported(laboratory, "capacitance").cube.squeeze()
+    cube = laboratory.imported("capacitance").cube.squeeze()
     error = cube.capacitance_error * cube.capacitance
     assert (error >= 0.1 / np.sqrt(12) * 0.999).all()
     assert (np.abs(cube.capacitance - capacitance(cube.applied_strain)) <= 3 * error).all()
@@ -202,14 +190,8 @@ def test_readings_at_one_time_are_kept_and_counted(laboratory):
     machine.loc[101, "time"] = machine.loc[100, "time"]
     machine.to_csv(laboratory.folder / "tensile.csv", index=False)
     assert any(
-        "1 readings have the time" in line for line in imported(laboratory, "tensile").summary
+        "1 readings have the time" in line for line in laboratory.imported("tensile").summary
     )
-
-
-def test_a_meter_without_a_reading_is_refused(laboratory):
-    laboratory.meter().assign(C=0).to_csv(laboratory.folder / "meter.csv", index=False)
-    with refused("column C", "0"):
-        imported(laboratory, "capacitance")
 
 
 def test_glitches_of_a_tension_record_do_not_change_its_curve(tmp_path):

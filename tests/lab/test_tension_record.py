@@ -110,7 +110,7 @@ def test_what_testers_export_is_read(tmp_path, export, encoding):
         ("Dehnung [%],Kraft [mm]", ("Kraft: is in mm", "of force")),
         ("Dehnung,Kraft [N]", ("Dehnung: has no unit",)),
         ("Weg [mm],Traversenweg [mm],Kraft [N]", ("Traversenweg", "Weg", "export one")),
-        ("Dehnung [%],Kraft [N],Dehnung [%],Kraft [N]", ("Dehnung: occurs twice", "repeat")),
+        ("Dehnung [%],Kraft [N],Dehnung [%],Kraft [N]", ("Dehnung: occurs twice", "table")),
         ("Elongation [N],Kraft [N]", ("Elongation: is in N",)),
     ],
 )
@@ -186,6 +186,19 @@ def test_tables_below_each_other_are_repeats(tmp_path, title, repeated):
     assert "not read" in second.summary[1]
     with refused("table 1", "table = "):
         kl.read_cycles(path, gauge_length=50.0)
+
+
+@pytest.mark.parametrize("points", [5, 10, 30])
+def test_a_few_readings_of_several_repeats_are_interpolated(tmp_path, points):
+    rows = [f"{r},{e},{r * e}" for r in (1, 3) for e in np.linspace(0, 1, points)]
+    record = read_tension_record(
+        written(tmp_path, "\n".join(["repeat,strain [1],force [N]", *rows]))
+    )
+    np.testing.assert_allclose(record.mean_force, 2 * record.strain, atol=1e-9)
+    late = [f"3,{e},{e}" for e in np.linspace(2, 3, points)]
+    text = "\n".join(["repeat,strain [1],force [N]", *rows[:points], *late])
+    with refused("strain 2 on", "up to 1", "table"):
+        read_tension_record(written(tmp_path, text), zero="none")
 
 
 RIB = replace(stripe("rib", 4), period=10.0)

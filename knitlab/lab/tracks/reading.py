@@ -61,11 +61,9 @@ def read_tracks(
         present = ", ".join(file.table.headers[:8])
         raise invalid(where, f"has no columns of markers, but {present}; {EXAMPLE}")
     tracks, confidence, unit = read.positions, read.confidence, read.unit
-    if unit:
-        factor, mistakes = unit_factor(where, unit, "mm", "of length")
-        if mistakes or not np.isclose(factor, pixel):
-            stated = f'pixel = {{ value = 1, unit = "{unit}" }}'
-            raise invalid(where, f"has positions in {unit}; give {stated}")
+    if unit and not np.isclose(unit_factor(where, unit, "mm", "of length"), pixel):
+        stated = f'pixel = {{ value = 1, unit = "{unit}" }}'
+        raise invalid(where, f"has positions in {unit}; give {stated}")
     up = (y_axis or known.y_axis) == "up"
     stated = "as stated" if y_axis else f"as {known.program} writes it; else give y_axis"
     summary = [f"y counts {'upwards' if up else 'downwards'}, {stated}", *file.unread]
@@ -116,14 +114,13 @@ def _numbered(
     if len(unique) < rows:
         message = f"has frame {unique[counts > 1][0]:g} twice; export one track of the video"
         raise invalid(where, message)
-    number, counted = int(unique[0]), list[str]()
-    if first is None and not known.counts_from_0:
-        if number > 1:
+    number = int(unique[0])
+    if first is None:
+        if number > 1 and not known.counts_from_0:
             message = f"begins with frame {number}, which is the first of the video, or not"
             hint = f"give first_frame = {number} if it is, else 0 or 1, as frames are counted"
             raise invalid(where, f"{message}; {hint}")
-        first = number
-    if first := first or 0:
-        counted.append(f"frames are counted from {first}; else give first_frame")
+        first = 0 if known.counts_from_0 else number
+    counted = [f"frames are counted from {first}; else give first_frame"] if first else []
     frames = read.frames - first
     return frames, int(frames.max() - min(frames.min(), 0)) + 1, counted

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
 
-from knitlab.io.errors import invalid, raise_if_any
+from knitlab.io.errors import invalid
 from knitlab.io.table_file import (
     Table,
     Tables,
@@ -92,8 +92,7 @@ class TrackFile:
         texts = table.rows[table.headers.index(name) if number is None else number]
         gap = texts.str.lower().isin(["", "nan"])
         values = np.full(len(texts), np.nan)
-        values[~gap], mistakes = column_numbers(self.path, name, texts[~gap])
-        raise_if_any(mistakes)
+        values[~gap] = column_numbers(self.path, name, texts[~gap])
         return values
 
     def by_frame(

@@ -18,18 +18,13 @@ def _read(file: TrackFile) -> Tracks | None:
     except Exception as error:  # numpy raises many types of a damaged header
         why = shortened(" ".join(str(error).split()))
         message = f"is not a complete .npy array ({why}); save it with numpy.save"
-        if "magic string" in str(error):
-            message = "is not an .npy array; save it with numpy.save"
-        elif "Python objects" in str(error):
+        if "Python objects" in str(error):
             message = "holds pickled objects, which may execute code; save a plain array of floats"
         raise invalid(str(path), message) from error
-    if tracks.dtype.kind not in "fiu":
-        raise invalid(str(path), "holds no array of numbers; save one with numpy.save")
-    if tracks.ndim != 3 or tracks.shape[2] != 2:
-        message = f"has the shape {tracks.shape}; give (frames, markers, 2), x and y in pixels"
-        raise invalid(str(path), message)
-    if not tracks.size:
-        raise invalid(str(path), f"is empty, of shape {tracks.shape}; track some markers")
+    is_numeric = tracks.dtype.kind in "fiu" and tracks.size > 0
+    if not is_numeric or tracks.ndim != 3 or tracks.shape[2] != 2:
+        message = f"has the shape {tracks.shape} of {tracks.dtype}; give numbers of the shape"
+        raise invalid(str(path), f"{message} (frames, markers, 2), x and y in pixels")
     return Tracks(tracks.astype(float))
 
 

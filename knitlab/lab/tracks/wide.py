@@ -5,7 +5,6 @@ import re
 import numpy as np
 import pandas as pd
 
-from knitlab.io.errors import raise_if_any
 from knitlab.io.table_file import name_and_unit, unit_factor
 from knitlab.lab.tracks.track_file import TrackFile, TrackFormat, Tracks, whole_numbers
 
@@ -46,8 +45,7 @@ def _read(file: TrackFile) -> Tracks | None:
     if not np.isfinite(seconds).all():  # a time of day
         return Tracks(positions)
     where = f"{file.path}: column {file.table.headers[number]}"
-    factor, mistakes = unit_factor(where, unit or "s", "s", "of time, such as s")
-    raise_if_any(mistakes)
+    factor = unit_factor(where, unit or "s", "s", "of time, such as s")
     return Tracks(positions, time=seconds * factor)
 
 
