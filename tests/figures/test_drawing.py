@@ -2,6 +2,7 @@ import json
 import subprocess
 import sys
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
@@ -35,6 +36,20 @@ def test_every_file_declares_the_figure_of_its_name(name):
     assert kind.draw.__module__.endswith(f".{name}")
     assert kind.summary
     assert getattr(kl.plot, name).__doc__.startswith(kind.summary)
+
+
+def test_settings_of_the_user_change_no_figure(cube_file, tmp_path):
+    own = {
+        "text.usetex": True,
+        "font.size": 20,
+        "axes.formatter.use_locale": True,
+        "axes.grid": True,
+    }
+    with mpl.rc_context(own):
+        draw_figure("auxetic", [cube_file], tmp_path / "theirs.png")
+        assert mpl.rcParams["text.usetex"]
+    draw_figure("auxetic", [cube_file], tmp_path / "ours.png")
+    assert (tmp_path / "theirs.png").read_bytes() == (tmp_path / "ours.png").read_bytes()
 
 
 def cell_pixels(figure, column, row):
