@@ -34,13 +34,16 @@ def usual():
 @pytest.mark.parametrize(
     "setting",
     [
-        lambda: jax.enable_x64(False),
-        lambda: jax.numpy_rank_promotion("raise"),
-        lambda: jax.numpy_dtype_promotion("strict"),
-        lambda: jax.transfer_guard("disallow"),
-        lambda: jax.debug_nans(True),
+        pytest.param(lambda: jax.enable_x64(False), id="x64"),
+        pytest.param(lambda: jax.numpy_rank_promotion("raise"), id="ranks", marks=pytest.mark.slow),
+        pytest.param(
+            lambda: jax.numpy_dtype_promotion("strict"), id="types", marks=pytest.mark.slow
+        ),
+        pytest.param(
+            lambda: jax.transfer_guard("disallow"), id="transfers", marks=pytest.mark.slow
+        ),
+        pytest.param(lambda: jax.debug_nans(True), id="nans", marks=pytest.mark.slow),
     ],
-    ids=["x64", "rank promotion", "dtype promotion", "transfer guard", "debug nans"],
 )
 def test_no_setting_of_the_user_changes_a_number(setting, usual):
     with setting():
