@@ -242,7 +242,6 @@ def _values(machine: Overrides | None) -> Mapping[str, Any] | None:
     return {each.key: each.value for each in read}
 
 
-@computing()
 def read_chart(
     path: str | Path,
     *,

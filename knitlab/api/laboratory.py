@@ -1,7 +1,6 @@
 """Measurements: stripes from tension curves, and from tests of whole fabrics."""
 
 import shutil
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import xarray as xr
 from jaxtyping import Float
 
 from knitlab.api.cubes import Cube, as_cube
+from knitlab.api.renamed import renamed
 from knitlab.cubes.cube_file import cube_name
 from knitlab.cubes.selection import select
 from knitlab.figures.figure_files import draw_into
@@ -315,6 +315,7 @@ def _measured_law(path: str | Path | None, decimal: Decimal | None) -> SpringCur
         return SpringCurve(tuple(curve.strain.tolist()), tuple(curve.mean_force.tolist()))
 
 
+@renamed(looseness="prior_std")
 @computing()
 def fit(
     experiment: Cube,
@@ -328,7 +329,6 @@ def fit(
     step: Step = lambda tests, chi_squared: None,
     kept: str | Path | None = None,
     output: str | Path | None = None,
-    looseness: float | None = None,
     **settings: Any,
 ) -> Fit:
     """Fit k_s, k_t and θ0 of both stripes to a test of a whole fabric.
@@ -347,7 +347,6 @@ def fit(
         kept: folder that keeps the tests, so that an interrupted fit continues where it was; by
             default beside ``output``, until that is written.
         output: material file to write, with a figure beside it.
-        looseness: deprecated: ``prior_std``.
         settings: settings of the workflow to replace.
 
     Returns:
@@ -357,9 +356,6 @@ def fit(
         InputError: if the experiment cannot be fitted, the workflow has no or several such cases,
             its test does not converge, or settings are given beside a plan.
     """
-    if looseness is not None:
-        warnings.warn("looseness is now prior_std", DeprecationWarning, stacklevel=2)
-        prior_std = looseness
     if isinstance(workflow, Plan) and (settings or overrides):
         raise invalid("settings", "belong to workflows; plan the workflow with them")
     material = None if output is None else Path(output)
