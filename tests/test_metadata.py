@@ -1,19 +1,33 @@
-"""CITATION.cff and .zenodo.json agree with pyproject.toml."""
+"""CITATION.cff, .zenodo.json and the addresses on pages agree with pyproject.toml."""
 
 import json
+import re
 import tomllib
 from pathlib import Path
 
 import yaml
 
 ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
 
 
 def test_what_services_read_agrees_with_the_project():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     zenodo = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
-    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    for each in (zenodo, citation):
+    for each in (zenodo, CITATION):
         for name in ("version", "license", "keywords"):
-            assert each[name] == project[name]
-    assert zenodo["creators"] == citation["authors"] == project["authors"]
+            assert each[name] == PROJECT[name]
+    assert zenodo["creators"] == CITATION["authors"] == PROJECT["authors"]
+
+
+def test_every_address_is_that_of_the_project():
+    urls = PROJECT["urls"]
+    assert CITATION["repository-code"] == urls["Repository"]
+    assert CITATION["url"] == urls["Documentation"]
+    names = ("*.md", "pyproject.toml", "docs/**/*.md", ".github/ISSUE_TEMPLATE/*")
+    pages = [path.read_text(encoding="utf-8") for name in names for path in ROOT.glob(name)]
+    text = "\n".join(pages)
+    repositories = re.findall(r"https://github\.com/[\w-]+/knitlab", text)
+    sites = re.findall(r"https://[\w-]*\.readthedocs\.io", text)
+    assert set(repositories) == {urls["Repository"]}
+    assert {site for site in sites if "knitlab" in site} == {urls["Documentation"]}

@@ -1,7 +1,9 @@
 """The installed wheel: only the package, with its input files, and it runs without the checkout."""
 
+import email
 import json
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -35,6 +37,22 @@ def test_the_wheel_holds_one_package_with_its_inputs_and_pages(wheel):
     assert {file.relative_to(ROOT).as_posix() for file in files} <= installed
     assert {f"knitlab/shipped/{file.relative_to(ROOT).as_posix()}" for file in inputs} <= installed
     assert "knitlab/py.typed" in installed
+
+
+def test_every_link_of_the_description_leads_to_a_file_of_the_repository(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+        metadata = email.message_from_bytes(archive.read(name))
+    description = str(metadata.get_payload())
+    repository = dict(url.split(", ") for url in metadata.get_all("Project-URL", []))["Repository"]
+    raw = repository.replace("//github.com", "//raw.githubusercontent.com")
+    version = metadata["Version"]
+    files = f"(?:{repository}/blob|{raw})/v{version}/"
+    links = re.findall(r'(?:\]\(|src=")([^)"]*)', description)
+    assert all(link.startswith("https://") for link in links)
+    paths = [re.sub(files, "", link).split("#")[0] for link in links if re.match(files, link)]
+    assert len(paths) > 40
+    assert not [path for path in paths if not (ROOT / path).exists()]
 
 
 def test_the_installed_wheel_runs_a_workflow_with_its_own_files(wheel, tmp_path):
