@@ -34,7 +34,7 @@ def printed(program, **environment):
     [
         ("import knitlab; assert before == os.environ", {"jax", "scipy", "matplotlib", "dask"}),
         ("sys.argv[0] = 'knitlab'; import knitlab.cli", {"jax", "pandas", "xarray", "matplotlib"}),
-        ("import knitlab.cli, knitlab.api.cubes", {"jax", "meshio", "trimesh", "matplotlib"}),
+        ("import knitlab.cli, knitlab.api.cubes", {"jax", "trimesh", "matplotlib"}),
         (f"import knitlab; knitlab.query({CUBE!r}, where='n_stripe > 4')", {"jax", "matplotlib"}),
     ],
 )

@@ -1,5 +1,6 @@
 """Formats of mesh files: which library writes each; those without fields of faces get colours."""
 
+import base64
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -20,6 +21,10 @@ KNIT_COLOURS = ((166, 206, 227), (240, 228, 66), (221, 221, 221))
 ELECTRODE_COLOURS = ((213, 94, 0), (0, 114, 178))  # of electrodes A and B, likewise [sRGB]
 METRES_OF_Z_UP = np.array([[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1]])
 """Transform of positions in mm with z upwards to those of glTF, in m with y upwards."""
+
+VTK_TRIANGLE = 5
+VTK_QUAD = 9
+VTK_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}  # by the kind of a NumPy type
 
 
 @dataclass(frozen=True)
@@ -91,23 +96,58 @@ def linear(colours: UInt8[np.ndarray, "node 3"]) -> Float[np.ndarray, "node 3"]:
 
 @mesh_format(".vtu")
 def _write_vtu(shapes: Shapes, path: Path) -> None:
+    """An unstructured grid of VTK: arrays in base64, each after its size in bytes."""
     mesh = shapes.first
-    _meshio(mesh, mesh.node_fields, mesh.face_fields).write(path, "vtu")
+    corners = mesh.faces.shape[1]
+    count = len(mesh.faces)
+    root = ElementTree.Element("VTKFile", type="UnstructuredGrid", version="1.0")
+    root.set("byte_order", "LittleEndian")
+    root.set("header_type", "UInt64")
+    grid = ElementTree.SubElement(root, "UnstructuredGrid")
+    sizes = {"NumberOfPoints": str(len(mesh.nodes)), "NumberOfCells": str(count)}
+    piece = ElementTree.SubElement(grid, "Piece", sizes)
+    cell_type = VTK_QUAD if corners == 4 else VTK_TRIANGLE
+    cells = {
+        "connectivity": mesh.faces.astype(np.int64).ravel(),
+        "offsets": np.arange(1, count + 1) * corners,
+        "types": np.full(count, cell_type, np.uint8),
+    }
+    groups: dict[str, Mapping[str, np.ndarray]] = {
+        "Points": {"Points": mesh.nodes},
+        "Cells": cells,
+        "PointData": mesh.node_fields,
+        "CellData": mesh.face_fields,
+    }
+    for group, arrays in groups.items():
+        parent = ElementTree.SubElement(piece, group)
+        for name, values in arrays.items():
+            array = ElementTree.SubElement(parent, "DataArray", Name=name, format="binary")
+            array.set("type", VTK_TYPES[values.dtype.kind] + str(8 * values.itemsize))
+            array.set("NumberOfComponents", str(values[0].size))
+            content = values.astype(values.dtype.newbyteorder("<")).tobytes()
+            size = len(content).to_bytes(8, "little")
+            array.text = base64.b64encode(size + content).decode()
+    ElementTree.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
 
 
 @mesh_format(".obj")
 def _write_obj(shapes: Shapes, path: Path) -> None:
-    _meshio(shapes.first).write(path, "obj")
+    mesh = shapes.first
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        np.savetxt(file, mesh.nodes, "v %.17g %.17g %.17g")
+        np.savetxt(file, mesh.faces + 1, "f" + " %d" * mesh.faces.shape[1])
 
 
-@mesh_format(".ply")
+@mesh_format(".ply", has_quads=False)
 def _write_ply(shapes: Shapes, path: Path) -> None:
     mesh = shapes.first
-    fields = dict(zip(("red", "green", "blue"), node_colours(mesh).T, strict=True))
+    solid = _trimesh(mesh)
+    solid.visual.vertex_colors = node_colours(mesh)
     for name, values in mesh.node_fields.items():
         # Names have no brackets and spaces: height_mm for height [mm].
-        fields[re.sub(r"\W+", "_", name.removesuffix(" [1]")).strip("_")] = values
-    _meshio(mesh, fields).write(path, "ply")
+        name = re.sub(r"\W+", "_", name.removesuffix(" [1]")).strip("_")
+        solid.vertex_attributes[name] = values
+    solid.export(path, "ply")
 
 
 @mesh_format(".stl", has_quads=False)
@@ -182,18 +222,6 @@ def _write_fold(shapes: Shapes, path: Path) -> None:
         "file_frames": [{"frame_parent": 0, "frame_inherit": True} | each for each in frames[1:]],
     }
     path.write_text(json.dumps(model), encoding="utf-8")
-
-
-def _meshio(
-    mesh: SurfaceMesh,
-    node_fields: Mapping[str, np.ndarray] = {},
-    face_fields: Mapping[str, np.ndarray] = {},
-) -> Any:
-    import meshio
-
-    blocks = [("quad" if mesh.faces.shape[1] == 4 else "triangle", mesh.faces.astype(np.int32))]
-    fields = {name: [values] for name, values in face_fields.items()}
-    return meshio.Mesh(mesh.nodes, blocks, dict(node_fields), fields)
 
 
 def _trimesh(mesh: SurfaceMesh, visual: Any = None) -> Any:

@@ -1,9 +1,11 @@
 """Sheets and tests of known shape, for meshes of them; nothing is simulated."""
 
+import base64
 import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import xarray as xr
@@ -17,6 +19,24 @@ from knitlab.solvers.case import Case, case_of
 PREVIEW = Path(__file__).parents[3] / "results" / "reference" / "periodic"
 (CASE_ID,) = (path.stem for path in (PREVIEW / "cases").glob("4-16-*.nc"))
 """Periodic fabric of (4, 16): 16 × 16 grid cells."""
+
+
+VTK_TYPES = {"Float64": "<f8", "Int64": "<i8", "UInt8": "u1", "Int32": "<i4", "Float32": "<f4"}
+
+
+def vtu_arrays(path: Path) -> dict[tuple[str, str], np.ndarray]:
+    """Arrays of a .vtu file by their group and name."""
+    arrays = {}
+    for group in ElementTree.parse(path).getroot().find("UnstructuredGrid/Piece"):
+        for array in group:
+            content = base64.b64decode(array.text)
+            assert int.from_bytes(content[:8], "little") == len(content) - 8
+            values = np.frombuffer(content[8:], VTK_TYPES[array.get("type")])
+            components = int(array.get("NumberOfComponents"))
+            if components > 1 and group.tag != "Cells":
+                values = values.reshape(-1, components)
+            arrays[group.tag, array.get("Name")] = values
+    return arrays
 
 
 @cache
