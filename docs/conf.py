@@ -1,10 +1,6 @@
 """Sphinx builds the documentation offline: ``sphinx-build -W --keep-going -b html docs OUTPUT``."""
 
-import sys
 from importlib.metadata import version as installed_version
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent / "_extensions"))
 
 project = "knitlab"
 author = "knitlab developers"
@@ -12,17 +8,13 @@ project_copyright = author
 version = release = installed_version("knitlab")
 
 extensions = [
-    "generated_reference",
     "myst_parser",
     "sphinx.ext.autodoc",
-    "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
-    "sphinx_click",
     "sphinx_copybutton",
     "sphinx_design",
 ]
-exclude_patterns = ["_extensions"]
 highlight_language = "console"
 smartquotes_action = "qe"  # "--set" is no dash
 
@@ -32,7 +24,6 @@ myst_heading_anchors = 3
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented_params"
-autosummary_generate = False
 
 copybutton_prompt_text = r"\$ |>>> |\.\.\. "
 copybutton_prompt_is_regexp = True

@@ -3,6 +3,8 @@
 import doctest
 import re
 import shlex
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -213,6 +215,16 @@ def test_the_commands_of_a_page_have_the_options_that_it_shows(page):
         known = {name for option in command.params for name in option.opts + option.secondary_opts}
         shown = {word.split("=")[0] for word in example.words if re.match("-[a-z-]", word)}
         assert shown <= known, example
+
+
+def test_the_reference_is_that_of_the_code(tmp_path):
+    writer = [sys.executable, "docs/write_reference", str(tmp_path)]
+    subprocess.run(writer, cwd=ROOT, check=True)
+    written = {page.name: page.read_text(encoding="utf-8") for page in tmp_path.iterdir()}
+    kept = {name: (ROOT / "docs/reference" / name).read_text("utf-8") for name in written}
+    stale = [name for name in written if written[name] != kept[name]]
+    assert len(written) > 4
+    assert not stale, "run: python docs/write_reference"
 
 
 def test_the_workflow_of_the_guide_can_be_planned(tmp_path, monkeypatch):

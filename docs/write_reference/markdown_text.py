@@ -1,5 +1,6 @@
 """Pieces of Markdown."""
 
+import re
 from collections.abc import Iterable, Sequence
 
 
@@ -18,8 +19,11 @@ def code(text: object) -> str:
 
 
 def plain(text: str) -> str:
-    """The text of a docstring, whose code is marked as in reStructuredText, as Markdown."""
-    return text.replace("``", "`").replace("*", r"\*")
+    """The text of a docstring, which is reStructuredText, as Markdown."""
+    text = re.sub(r":\w+:`(?:~?[\w.]+\.)?(\w+)`", r"``\1``", text)  # a reference to a name
+    words_and_code = text.replace("``", "`").split("`")
+    words_and_code[::2] = [words.replace("*", r"\*") for words in words_and_code[::2]]
+    return "`".join(words_and_code)
 
 
 def first_paragraph(docstring: str | None) -> str:

@@ -1,6 +1,7 @@
 """The reference of variables, from the registry of the cube."""
 
-from generated_reference.markdown import code, table
+from markdown_text import code, table
+
 from knitlab.observables.observable import Variable
 from knitlab.observables.schema import COORDINATES, FLAGS, VARIABLES
 

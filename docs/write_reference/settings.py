@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
+from markdown_text import code, plain, table
 from pydantic import BaseModel, TypeAdapter
 
-from generated_reference.markdown import code, plain, table
 from knitlab.io.shipped import shipped
 from knitlab.runs.parameters import TABLES, defaults
 from knitlab.runs.workflow import SECTIONS, SETTINGS

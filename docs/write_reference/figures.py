@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
-from generated_reference.markdown import first_paragraph
+from markdown_text import first_paragraph
+
 from knitlab.figures.registry import figure_kind
 from knitlab.runs.figure_names import FIGURE_NAMES
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 
 
 def page() -> str:
@@ -16,7 +17,7 @@ def page() -> str:
 
 def _section(name: str) -> list[str]:
     kind = figure_kind(name)
-    facts = [f"In Python: {{py:func}}`knitlab.plot.{name}`; drawn by `{kind.draw.__module__}`."]
+    facts = [f"In Python: `knitlab.plot.{name}`; drawn by `{kind.draw.__module__}`."]
     if kind.dims:
         facts.append(f"Designs along {' and '.join(f'`{dim}`' for dim in kind.dims)}.")
     if kind.needs:
