@@ -47,6 +47,7 @@ from .model.settings import Sheet as Sheet
 from .model.stitches import Gauge as Gauge
 from .model.stripe import Stripe as Stripe
 from .model.stripe_covariance import StripeCovariance as StripeCovariance
+from .runs.doctor import doctor as doctor
 from .runs.material import Material as Material
 from .runs.parameters import Model as Model
 from .runs.parameters import defaults as defaults

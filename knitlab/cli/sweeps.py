@@ -1,4 +1,4 @@
-"""Commands on workflows: ``plan``, ``run``, ``merge``, ``status``, ``reproduce``."""
+"""Commands on workflows: ``plan``, ``run``, ``merge``, ``status``, ``reproduce``, ``doctor``."""
 
 import json
 from collections.abc import Iterable
@@ -193,4 +193,15 @@ def reproduce(case_id: str, results: Path) -> None:
     options.exit_unless(kl.reproduce(case_id, results=results, report=click.echo))
 
 
-COMMANDS = (plan, run, merge, status, reproduce)
+@click.command()
+@options.results
+@option("--simulate/--no-simulate", "Simulate one design with a known result.", bool, default=True)
+def doctor(results: Path, simulate: bool) -> None:
+    """Show what this machine offers and whether it computes right, to paste in a report.
+
+    Exit code 1 if something is wrong.
+    """
+    options.exit_unless(kl.doctor(results=results, simulate=simulate, report=click.echo))
+
+
+COMMANDS = (plan, run, merge, status, reproduce, doctor)
