@@ -8,7 +8,7 @@ project_copyright = author
 version = release = installed_version("knitlab")
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
@@ -20,6 +20,9 @@ smartquotes_action = "qe"  # "--set" is no dash
 
 myst_enable_extensions = ["attrs_inline", "colon_fence"]
 myst_heading_anchors = 3
+nb_execution_mode = "off"  # but for the pages that ask for it; notebooks hold their output
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"

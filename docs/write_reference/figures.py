@@ -1,32 +1,54 @@
-"""The reference of figures, from the registry of what ``knitlab map`` can draw."""
+"""The gallery of figures: every kind of ``knitlab map``, with code that draws it from a kept cube."""
 
-from pathlib import Path
+from collections.abc import Iterator
 
 from markdown_text import first_paragraph
 
 from knitlab.figures.registry import figure_kind
 from knitlab.runs.figure_names import FIGURE_NAMES
 
-ROOT = Path(__file__).parents[2]
+EXAMPLES = {
+    "auxetic": "preview",
+    "capacitors": "sensor",
+    "contact": "sensor_contact",
+    "curves": "small_samples",
+    "cycles": "cycles",
+    "directions": "directions",
+    "electrodes": "sensor, n_stripe=4, n_subunit=16",
+    "force": "preview",
+    "grid": 'periodic, x="applied_strain", y="periods", of="poisson_ratio", n_stripe=8',
+    "options": "options",
+    "polar": "periodic, n_stripe=4, n_subunit=16, applied_strain=0.15",
+    "relaxation": "folding",
+    "samples": "preview, n_stripe=4, n_subunit=16",
+    "sensitivity": "acrylic",
+    "sensor": "sensor",
+    "shape": "preview, n_stripe=4, n_subunit=16, applied_strain=0.15",
+    "stripes": "stripes",
+    "swept": 'sensor_layouts, of="sensitivity"',
+    "tension": "small_samples",
+    "uncertainty": 'acrylic, material="docs/examples/swatches/acrylic.toml"',
+    "wavelength": "small_samples",
+}
+"""For each figure: a cube of ``results/reference``, and keyword arguments."""
 
 
 def page() -> str:
-    """Every kind of figure: what it shows, of what, and a kept example."""
+    """For each kind of figure: what it shows and takes, and a cell of code that draws it."""
     return "\n\n".join(part for name in FIGURE_NAMES for part in _section(name))
 
 
-def _section(name: str) -> list[str]:
+def _section(name: str) -> Iterator[str]:
     kind = figure_kind(name)
-    facts = [f"In Python: `knitlab.plot.{name}`; drawn by `{kind.draw.__module__}`."]
+    facts = [f"Takes {kind.takes}."]
     if kind.dims:
         facts.append(f"Designs along {' and '.join(f'`{dim}`' for dim in kind.dims)}.")
     if kind.needs:
         facts.append(f"Needs `{kind.needs}`, which is in case files.")
-    facts.append(f"Takes {kind.takes}.")
-    parts = [f"## {name}", first_paragraph(kind.summary), " ".join(facts)]
-    kept = sorted((ROOT / "results" / "reference").glob(f"*/figures/{name}.png"))
-    if kept:
-        example = kept[0].relative_to(ROOT)
-        parts.append(f"Of the workflow `{example.parts[2]}`:")
-        parts.append(f"![{name}](../../{example.as_posix()})")
-    return parts
+    cube, _, keywords = EXAMPLES[name].partition(", ")
+    arguments = ", ".join(filter(None, ["cube", keywords]))
+    yield f"## {name}"
+    yield first_paragraph(kind.summary)
+    yield " ".join(facts)
+    opened = f'cube = kl.open_cube("results/reference/{cube}")'
+    yield f"```{{code-cell}}\n{opened}\nkl.plot.{name}({arguments})\n```"
