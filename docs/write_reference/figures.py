@@ -1,4 +1,4 @@
-"""The gallery of figures: every kind of ``knitlab map``, with code that draws it from a kept cube."""
+"""The gallery of figures: each kind, with code that draws it from a kept cube."""
 
 from collections.abc import Iterator
 
