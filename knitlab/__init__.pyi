@@ -1,6 +1,7 @@
 """The public names, by the modules that define them."""
 
 from . import plot as plot
+from .api.cluster import submit as submit
 from .api.cubes import claims as claims
 from .api.cubes import compare as compare
 from .api.cubes import draw as draw

@@ -1,7 +1,8 @@
-"""Commands on workflows: ``plan``, ``run``, ``merge``, ``status``, ``reproduce``, ``doctor``."""
+"""Commands on workflows: ``plan``, ``run``, ``submit``, ``merge``, ``status``, ``reproduce``, ``doctor``."""
 
 import json
-from collections.abc import Iterable
+import shlex
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,16 @@ import click
 
 import knitlab as kl
 from knitlab.cli import options
-from knitlab.cli.options import COUNT_OR_ZERO, FOLDER, PATH, POSITIVE, flag, option
+from knitlab.cli.options import (
+    COUNT,
+    COUNT_OR_ZERO,
+    FOLDER,
+    PATH,
+    POSITIVE,
+    flag,
+    option,
+    repeatable,
+)
 from knitlab.io.names import one_line
 
 scale = option(
@@ -71,22 +81,36 @@ def _echo_excluded(excluded: Iterable[str]) -> None:
         click.echo(f"excluded: {line}")
 
 
+def of_parts(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of a run that also apply to its parts."""
+    for add in (
+        flag("--refresh", "Recompute stale results, and those that did not converge."),
+        option("--case-timeout SECONDS", "Longest time for one case.", POSITIVE),
+        option(
+            "--keep-going/--fail-fast",
+            "Whether to continue after a case that is not ok.",
+            bool,
+            default=True,
+        ),
+        option(
+            "--retries",
+            "How often to repeat a batch that raised an error.",
+            COUNT_OR_ZERO,
+            default=0,
+        ),
+        options.results,
+        scale,
+        options.settings,
+    ):
+        command = add(command)
+    return command
+
+
 @click.command()
 @click.argument("workflow")
-@options.settings
-@scale
-@options.results
+@of_parts
 @options.workers(None, shown="all cores, for several batches")
 @option("--scheduler ADDRESS", "Use this dask scheduler instead.")
-@option("--retries", "How often to repeat a batch that raised an error.", COUNT_OR_ZERO, default=0)
-@option(
-    "--keep-going/--fail-fast",
-    "Whether to continue after a case that is not ok.",
-    bool,
-    default=True,
-)
-@option("--case-timeout SECONDS", "Longest time for one case.", POSITIVE)
-@flag("--refresh", "Recompute stale results, and those that did not converge.")
 @option(
     "--shard NUMBER/COUNT",
     "Run one part of the plan, as 3/40, beside processes that run the others.",
@@ -128,6 +152,36 @@ def run(
     for line in result.remarks:
         click.echo(one_line(line), err=True)
     options.exit_unless(result.all_ok)
+
+
+@click.command()
+@click.argument("workflow")
+@option("--parts", "Parts of the plan, each a task of an array job.", COUNT, required=True)
+@option("--cores", "Cores of each part.", COUNT, default=1)
+@repeatable(
+    "--sbatch KEY=VALUE",
+    "An option of sbatch, as partition=short, in place of what the plan estimates.",
+)
+@flag("--dry-run", "Only write the script.")
+@of_parts
+def submit(workflow: str, settings: tuple[str, ...], keep_going: bool, **given: Any) -> None:
+    """Submit WORKFLOW to SLURM in parts, then a last job that builds the cube and the figures."""
+    submitted = kl.submit(workflow, settings, fail_fast=not keep_going, **given)
+    for warning in submitted.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    asked = " ".join(f"--{name}={value}" for name, value in submitted.asked.items())
+    click.echo(f"{submitted.cases} cases in {submitted.parts} parts, each with {asked}")
+    click.echo(f"script  {submitted.script}")
+    if submitted.job:
+        click.echo(f"job     {submitted.job}, one task a part")
+        click.echo(f"job     {submitted.last}, after them: builds the cube and draws the figures")
+    status = ["knitlab", "status", workflow, "--results", str(given["results"])]
+    script = shlex.quote(str(submitted.script))
+    click.echo(f"to see what is done:       {shlex.join(status)}")
+    if not submitted.job:
+        click.echo(f"to submit all parts:       sbatch {script}")
+    click.echo(f"to run part 1 again:       sbatch --array=1 {script}")
+    click.echo(f"to build cube and figures: sbatch --array=0 {script}")
 
 
 @click.command()
@@ -204,4 +258,4 @@ def doctor(results: Path, simulate: bool) -> None:
     options.exit_unless(kl.doctor(results=results, simulate=simulate, report=click.echo))
 
 
-COMMANDS = (plan, run, merge, status, reproduce, doctor)
+COMMANDS = (plan, run, submit, merge, status, reproduce, doctor)
