@@ -1,4 +1,4 @@
-"""Commands on workflows: ``plan``, ``run``, ``submit``, ``merge``, ``status``, ``reproduce``, ``doctor``."""
+"""Commands on workflows: `plan`, `run`, `submit`, `merge`, `status`, `reproduce`, `doctor`."""
 
 import json
 import shlex

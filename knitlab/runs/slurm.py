@@ -87,8 +87,7 @@ def run_words(
     """The arguments of ``knitlab run`` for a workflow with these settings and options."""
     words = [workflow, f"--results={results}"]
     if isinstance(overrides, Mapping):
-        read, mistakes = read_overrides(overrides)
-        raise_if_any(mistakes)
+        read, _ = read_overrides(overrides)
         overrides = [f"{each.key}={json.dumps(each.value, ensure_ascii=False)}" for each in read]
     words += [f"--set={text}" for text in overrides]
     for name, value in options.items():
@@ -121,8 +120,8 @@ def write_script(
             f"#SBATCH {shlex.quote(f'--{name}={value}' if value else f'--{name}')}"
             for name, value in options.items()
         ),
-        f"# One part again: sbatch --array=7 {shlex.quote(str(path))}",
-        "# --array=0: all parts, where finished cases are not simulated again; then the figures.",
+        f"# Part 1 again: sbatch --array=1 {shlex.quote(str(path))}",
+        "# Task 0 is a run of the whole: what the parts have left, the cube and the figures.",
         f"cd {shlex.quote(str(Path.cwd()))} || exit",
         "export " + " ".join(f"{name}={value}" for name, value in ONE_THREAD.items()),
         f'[ "$SLURM_ARRAY_TASK_ID" = 0 ] || set -- --shard="$SLURM_ARRAY_TASK_ID/{parts}"',

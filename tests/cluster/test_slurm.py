@@ -102,7 +102,6 @@ def test_a_dask_cluster_of_jobs_runs_a_sweep_and_outlives_one(slurm, plain):
         processes=1,
         memory="2GB",
         walltime="00:10:00",
-        python=sys.executable,
         job_script_prologue=["export PJRT_NPROC=1 OMP_NUM_THREADS=1"],
         scheduler_options={"host": "127.0.0.1", "dashboard": False},
         interface="lo",
