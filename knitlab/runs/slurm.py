@@ -36,7 +36,7 @@ class Submission:
     script: Path
     cases: int
     parts: int
-    asked: Mapping[str, str]  # options of sbatch
+    asked: dict[str, str]  # options of sbatch
     job: str | None = None  # the parts
     last: str | None = None  # the run that builds the cube and draws its figures
     warnings: Sequence[str] = ()  # of the plan
@@ -56,7 +56,7 @@ def read_options(texts: Sequence[str]) -> dict[str, str]:
     return options
 
 
-def asked_of_slurm(plan: Plan, parts: int, cores: int, given: Mapping[str, str]) -> dict[str, str]:
+def asked_of_slurm(plan: Plan, parts: int, cores: int, given: dict[str, str]) -> dict[str, str]:
     """What each part asks for, as options of sbatch: by the estimates, unless it is given."""
     shares = split(plan.batches, plan.cases, Shard(1, parts).count)
     if not all(shares):
@@ -98,7 +98,7 @@ def run_words(
 
 
 def write_script(
-    path: Path, words: Sequence[str], parts: int, cores: int, asked: Mapping[str, str]
+    path: Path, words: Sequence[str], parts: int, cores: int, asked: dict[str, str]
 ) -> None:
     """Write the script of an array job whose tasks are the parts; task 0 is the whole workflow."""
     logs = path.parent.resolve() / LOGS
