@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
-from tqdm.auto import tqdm
+from tqdm import tqdm
 
 from knitlab.cubes.case_file import configurations
 from knitlab.cubes.derived import with_derived
