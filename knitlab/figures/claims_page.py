@@ -17,6 +17,10 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import Mistake
 
 Key = tuple[str, tuple[Path, ...]]  # kind of figure and cubes, which identify the figure of a claim
+PAPER = (
+    "The paper is K. Mahadevan et al., *Folding-Driven Auxetic Weft Knit Textiles with Integrated"
+    " Capacitive Sensing*."
+)
 EXPLAINED = (
     "A margin says how far a claim is from its threshold: it holds at 0 and above, and fails below."
     f" The scale is the threshold itself, or the spread of what is compared: {-NEAR:+g} misses a"
@@ -132,7 +136,7 @@ def _blocks(judgements: Sequence[Judgement], links: Mapping[Key, str]) -> list[s
     options = dict.fromkeys(sample.options for sample in samples if sample.options)
     names = ("".join(each) for count in (1, 2) for each in product(ascii_uppercase, repeat=count))
     letters = dict(zip(options, names, strict=False))
-    blocks = ["# The paper's claims", summary(judgements)]
+    blocks = ["# The paper's claims", PAPER, summary(judgements)]
     blocks += ["## What you may rely on, and what not", EXPLAINED]
     for topic, sentences in introduction(judgements).items():
         items = [f"- **{opening}:** {quoted}" for opening, quoted in sentences]
