@@ -128,7 +128,7 @@ def column_numbers(path: Path, name: str, column: pd.Series) -> Float[np.ndarray
         value = repr(column.iloc[bad[0]]) if column.iloc[bad[0]] else "empty"
         message = f"point {bad[0] + 1} is {value}{more}, not a finite"
         raise invalid(f"{path}: column {name}", f"{message} number; give a record without it")
-    return values
+    return column.to_numpy(float)  # pandas 2 rounds the last digits of texts
 
 
 class Columns(NamedTuple):

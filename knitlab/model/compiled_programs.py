@@ -52,7 +52,7 @@ def _kind_of_program() -> str:
     """JAX's version, the processor (programs may crash on another), and the number of threads."""
     features = ""
     with suppress(OSError):
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         features = next((line for line in lines if line.startswith(("flags", "Features"))), "")
     processor = " ".join((platform.machine(), platform.processor(), features))
     digest = hashlib.sha256(processor.encode()).hexdigest()[:12]

@@ -133,4 +133,5 @@ def failed_cases(failures: Mapping[str, Failure]) -> set[str]:
 def write_failures(folder: Path, failures: Iterable[Failure]) -> None:
     """Replace the entries for designs that are not ok."""
     with atomic_write(folder / FAILURES) as temporary:
-        temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))
+        lines = "".join(json.dumps(entry) + "\n" for entry in failures)
+        temporary.write_text(lines, encoding="utf-8")
