@@ -88,7 +88,9 @@ def _explained(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         place = error.filename or "the current folder"
         return f"{place}: cannot be used ({error.strerror}); check the path"
-    with NamedTemporaryFile("w", prefix="knitlab-", suffix=".txt", delete=False) as file:
+    with NamedTemporaryFile(
+        "w", encoding="utf-8", prefix="knitlab-", suffix=".txt", delete=False
+    ) as file:
         traceback.print_exception(error, file=file)
     reason = f"{type(error).__name__}: {error}"
     return f"this is an error in knitlab ({reason}); report it with {file.name}"

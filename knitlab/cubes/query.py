@@ -289,7 +289,7 @@ def variables_table(cubes: Sequence[xr.Dataset]) -> pd.DataFrame:
 def formatted(table: pd.DataFrame, style: str) -> str:
     """The table as text for people (``table``), or as ``csv`` or ``json`` for programs."""
     if style == "csv":
-        return table.to_csv(index=False).rstrip("\n")
+        return table.to_csv(index=False, lineterminator="\n").rstrip("\n")
     if style == "json":
         return table.to_json(orient="records", indent=1, double_precision=15)
     if table.empty:

@@ -72,7 +72,14 @@ def git_commit() -> str:
 
     def git(*words: str) -> str:
         command = ["git", "-C", str(PACKAGE), *words]
-        done = subprocess.run(command, capture_output=True, text=True, check=True, env=english)
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+            check=True,
+            env=english,
+        )
         return done.stdout.strip()
 
     try:

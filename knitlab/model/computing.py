@@ -83,7 +83,7 @@ def _check_platform(xla_flags: str) -> None:
     if xla_flags:
         # XLA ends a process with flags that it does not know.
         program = [sys.executable, "-c", "import jax; jax.devices()"]
-        tried = subprocess.run(program, capture_output=True, text=True, check=False)
+        tried = subprocess.run(program, capture_output=True, encoding="utf-8", errors="replace")
         if tried.returncode:
             reason = tried.stderr.strip().rpartition("\n")[2]
             message = f"is not accepted by XLA ({reason}); correct or unset it"

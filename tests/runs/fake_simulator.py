@@ -5,7 +5,6 @@ Run as a program it does what the fault tests need another process for.
 
 import hashlib
 import os
-import resource
 import signal
 import sys
 import threading
@@ -170,6 +169,7 @@ def kill_at_a_change(plan, results, count, begun):
 
 def die_within_a_case(plan, results, size):
     """A run that the system ends when a case file exceeds a size [bytes]."""
+    import resource  # not on Windows
 
     def simulate_with_little_room(*arguments):
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))

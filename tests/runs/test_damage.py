@@ -118,7 +118,7 @@ def test_a_name_works_everywhere_or_is_refused_with_its_place(tmp_path_factory, 
     write_explorer([cube], folder / "page.html")
 
 
-@pytest.mark.parametrize("name", ["../victim", "/absolute", "", "..", "=cmd", "\x1b[31m"])
+@pytest.mark.parametrize("name", ["../victim", "/absolute", "", "..", "=cmd", "\x1b[31m", "con.1"])
 @pytest.mark.parametrize("where", ["plan", "cube"])
 def test_a_stated_name_leads_nowhere_else(folder, tmp_path, name, where):
     if where == "plan":

@@ -191,7 +191,8 @@ def main(results: Path, folder: Path) -> None:
 
 
 def _write(path: Path, columns: dict[str, np.ndarray]) -> None:
-    path.write_text(HEADING + pd.DataFrame(columns).to_csv(index=False))
+    table = pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
+    path.write_text(HEADING + table, encoding="utf-8")
 
 
 if __name__ == "__main__":

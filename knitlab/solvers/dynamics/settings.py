@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
@@ -64,7 +65,11 @@ class Dynamics(Checked):
 
 
 def contact_conflicts(combination: "Combination") -> Iterator[str]:
-    """Integrators that cannot follow contact."""
-    moves = combination.method == "dynamics" and combination.dynamics.integrator == "tsit5"
-    if moves and combination.options.contact != "none":
-        yield "needs the leapfrog; take integrator = leapfrog, or contact = none"
+    """What cannot follow contact: an integrator, and equilibria without the library for it."""
+    if combination.options.contact == "none":
+        return
+    if combination.method == "dynamics":
+        if combination.dynamics.integrator == "tsit5":
+            yield "needs the leapfrog; take integrator = leapfrog, or contact = none"
+    elif find_spec("ipctk") is None:  # it has no wheel for Linux on ARM
+        yield "needs ipctk; pip install ipctk, or take method = dynamics or contact = none"
