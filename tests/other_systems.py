@@ -1,7 +1,7 @@
 """Rules of other systems, in a process of their own: an audit hook cannot be removed.
 
-Run as a program it does what a user does where modules of POSIX and ``ipctk`` are missing, and where
-the system refuses some names, and changes of files that are open, as Windows does.
+Run as a program it does what a user does where modules of POSIX and ``ipctk`` are missing, and
+where the system refuses some names, and changes of files that are open, as Windows does.
 """
 
 import builtins
