@@ -1,11 +1,11 @@
 """Running a plan: missing cases are simulated, then the cube is built."""
 
 import itertools
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from threading import Event
 
 import xarray as xr
 
@@ -217,7 +217,11 @@ class _Simulated:
 
 
 def _simulate(
-    plan: Plan, results: Path, missing: Mapping[str, Case], options: RunOptions, asked: Event
+    plan: Plan,
+    results: Path,
+    missing: Mapping[str, Case],
+    options: RunOptions,
+    asked: threading.Event,
 ) -> _Simulated:
     """Simulate cases; a batch that was lost twice is run alone, where it can kill no other."""
     done = _Simulated()
@@ -234,10 +238,17 @@ def _simulate(
     # Processors without a batch go to the others as threads; those of a scheduler are not known.
     threads = 1 if options.scheduler else processors // max(count, 1)
     task = Task(options.simulate, results.resolve(), options.case_timeout, threads)
+
+    def reached(case_id: str, states: float) -> None:
+        # An exception that a signal raises is lost in a callback of JAX, as that of the collector.
+        if asked.is_set() and threading.current_thread() is threading.main_thread():
+            raise KeyboardInterrupt
+        bar.reached(case_id, states)
+
     with (
         ProgressBar(missing, shown=options.show_progress) as bar,
         _until_stopped(bar, done),  # while the workers end
-        workers.worker_pool(task, count, options.scheduler, options.dashboard, bar.reached) as pool,
+        workers.worker_pool(task, count, options.scheduler, options.dashboard, reached) as pool,
         _until_stopped(bar, done),
     ):
         attempts = 0

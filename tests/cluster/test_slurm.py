@@ -17,8 +17,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.nightly]
 
 SWEEP = {"n_stripe": 4, "n_subunit": 16, "k_t_factor": [0.8, 0.9, 1, 1.1, 1.2, 1.3]}
 SWEEP |= {"strain_max": 0.06, "robustness": 0}
-TEXTS = [f"{name}={value}" for name, value in SWEEP.items()]
-WORDS = [word for text in TEXTS for word in ("--set", text)]
 
 
 @pytest.fixture(scope="module")
@@ -30,9 +28,14 @@ PARTS = 2
 FOLDER = Path("results/periodic")
 
 
-def submitted(slurm, *options):
+def words(**changes):
+    """The sweep as options, with changed settings."""
+    return [f"--set={name}={value}" for name, value in (SWEEP | changes).items()]
+
+
+def submitted(*options):
     """The numbers of the two jobs of a submission of the sweep."""
-    said = knitlab("submit", "periodic", "--parts", PARTS, *WORDS, *options)
+    said = knitlab("submit", "periodic", *options)
     assert said.exit_code == 0, said.output
     return re.findall(r"^job +(\d+)", said.output, re.MULTILINE)
 
@@ -56,7 +59,7 @@ def assert_same(folder, plain):
 
 
 def test_the_parts_of_an_array_job_and_one_that_was_cancelled(slurm, plain):
-    parts, last = submitted(slurm)
+    parts, last = submitted("--parts", PARTS, *words())
     slurm.wait_for(lambda: cases())
     slurm("scancel", last, f"{parts}_1")
     slurm.wait_for(lambda: slurm.ended(parts))
@@ -72,8 +75,18 @@ def test_the_parts_of_an_array_job_and_one_that_was_cancelled(slurm, plain):
     assert list(FOLDER.glob("figures/*.png"))
 
 
+def test_a_part_stops_before_its_time_limit(slurm):
+    # SLURM signals two minutes before the limit, or up to one minute earlier.
+    long = words(strain_max=0.6, strain_step=0.01, robustness=2)
+    part, _ = submitted("--parts", 1, *long, "--sbatch", "time=4")
+    slurm.wait_for(lambda: slurm.ended(part))
+    assert slurm.states(part) == {"1": "FAILED"}
+    assert "stopping" in log(1)
+    assert "TIME LIMIT" not in log(1)
+
+
 def test_a_lost_node_is_replaced_by_the_other_one(slurm, plain):
-    parts, last = submitted(slurm)
+    parts, last = submitted("--parts", PARTS, *words())
     slurm.wait_for(lambda: cases())
     slurm.lose_node("n2")
     slurm.wait_for(lambda: slurm.state_of("n2").startswith("down"))
@@ -86,8 +99,8 @@ def test_a_lost_node_is_replaced_by_the_other_one(slurm, plain):
 
 def test_folders_of_their_own_are_merged(slurm, plain):
     part = f"$SLURM_ARRAY_TASK_ID/{PARTS}"
-    words = [sys.executable, "-m", "knitlab", "run", "periodic", *WORDS, "--workers", "0"]
-    wrapped = f"{shlex.join(words)} --shard {part} --results part-$SLURM_ARRAY_TASK_ID"
+    run = [sys.executable, "-m", "knitlab", "run", "periodic", *words(), "--workers", "0"]
+    wrapped = f"{shlex.join(run)} --shard {part} --results part-$SLURM_ARRAY_TASK_ID"
     job = slurm("sbatch", "--parsable", f"--array=1-{PARTS}", "--wrap", wrapped)
     slurm.wait_for(lambda: slurm.ended(job))
     said = knitlab("merge", "part-1", "part-2")
@@ -107,8 +120,8 @@ def test_a_dask_cluster_of_jobs_runs_a_sweep_and_outlives_one(slurm, plain):
         interface="lo",
     ) as cluster:
         cluster.scale(jobs=len(NODES))
-        words = ["run", "periodic", *WORDS, "--scheduler", cluster.scheduler_address]
-        with subprocess.Popen([sys.executable, "-m", "knitlab", *words]) as run:
+        program = [sys.executable, "-m", "knitlab", "run", "periodic", *words()]
+        with subprocess.Popen([*program, "--scheduler", cluster.scheduler_address]) as run:
             slurm.wait_for(lambda: cases() or run.poll())
             slurm("scancel", "--nodelist", "n2")
     assert run.returncode == 0

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 
@@ -118,6 +119,20 @@ def ended_by(number, results, **options):
     assert done + int((cube["status"] == Status.pending).sum()) == len(
         fake_simulator.plan_of().cases
     )
+
+
+def simulate_and_lose_an_interrupt(results, cases, progress):
+    """A batch during which Ctrl-C is pressed in a callback, where Python ignores an exception."""
+    with suppress(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+    fake_simulator.simulate(results, cases, progress)
+
+
+def test_a_batch_of_this_process_stops_though_the_exception_of_a_signal_is_lost(tmp_path):
+    plan = fake_simulator.plan_of(1)
+    run = ran(plan, tmp_path, simulate_and_lose_an_interrupt)
+    assert run.stopped
+    assert len(list(tmp_path.glob("cases/*.nc"))) == 1 < len(plan.batches[0].cases)
 
 
 @pytest.mark.slow
@@ -355,6 +370,7 @@ FULL_DISK = """
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from knitlab.io.errors import CannotWrite
 from knitlab.runs.run import RunOptions, run_plan
