@@ -86,14 +86,16 @@ class Slurm:
         done = subprocess.run(
             [*map(str, command)], env=self.environment, capture_output=True, text=True
         )
-        assert done.returncode == 0, done.stderr
+        if done.returncode:
+            raise AssertionError(done.stderr.strip())
         return done.stdout.strip()
 
     def wait_for(self, condition, seconds=SECONDS_OF_JOBS):
         """Wait until a condition holds."""
         end = time.monotonic() + seconds
         while not condition():
-            assert time.monotonic() < end, self.logs()
+            if time.monotonic() > end:
+                raise AssertionError(self.logs())
             time.sleep(0.1)
 
     def logs(self) -> str:
@@ -114,15 +116,14 @@ class Slurm:
     def lose_node(self, node: str) -> None:
         """Kill all processes of a node."""
         self._nodes[node].kill()
-        lost = []
         for process in psutil.process_iter():
             with suppress(psutil.Error):
                 own = process.environ()
                 if (own.get("SLURM_CONF"), own.get("SLURMD_NODENAME")) == (self._conf, node):
-                    lost += [process.parent(), process]  # the first is slurmstepd, or of a job
-        for process in lost:
-            with suppress(psutil.Error):
-                process.kill()
+                    parent = process.parent()
+                    if parent and parent.name() == "slurmstepd":
+                        parent.kill()
+                    process.kill()
 
     def end_jobs(self) -> None:
         """Cancel all jobs, and wait until they have ended."""
@@ -160,7 +161,7 @@ def cluster(tmp_path_factory):
         try:
             started = Slurm(folder, stack)
         except (AssertionError, OSError) as error:
-            pytest.skip(f"SLURM cannot start on this machine: {str(error).splitlines()[-1:]}")
+            pytest.skip(f"SLURM cannot start on this machine: {str(error).splitlines()[-1]}")
         yield started
 
 
