@@ -116,7 +116,7 @@ def test_json_and_csv_have_every_number_and_its_unit(plates, tmp_path):
         wanted = stiffness_matrix(plates.sel({name: each[name] for name in ONE}))
         np.testing.assert_allclose(each["ABD"], wanted, atol=1e-8)
     kl.plate_stiffness(PREVIEW, tmp_path / "table.csv", applied_strain=[0.12, 0.15, 0.45])
-    table = pd.read_csv(tmp_path / "table.csv")
+    table = pd.read_csv(tmp_path / "table.csv", float_precision="round_trip")
     assert table["status"].tolist() == ["ok"] * 5 + ["negative"]
     row = table[(table["n_stripe"] == 4) & (table["applied_strain"] == 0.15)].iloc[0]
     state = plates.sel(ONE)
