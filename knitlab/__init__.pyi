@@ -11,6 +11,7 @@ from .api.cubes import query as query
 from .api.cubes import variables as variables
 from .api.design import design as design
 from .api.export import export as export
+from .api.export import law as law
 from .api.export import plate_stiffness as plate_stiffness
 from .api.knitting import knit as knit
 from .api.knitting import read_chart as read_chart

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import xarray as xr
@@ -18,6 +18,10 @@ from knitlab.export.meshes.surface import SurfaceMesh, solid_of
 from knitlab.io.names import check_suffix
 from knitlab.model.computing import computing
 from knitlab.observables.schema import STRAIN
+from knitlab.runs.figure_names import FIGURE_SUFFIXES
+
+if TYPE_CHECKING:
+    from knitlab.export.laws.law import Law
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +162,59 @@ def plate_stiffness(
     if output is not None:
         CARDS[output.suffix.lower()](plates, output)
     return plates
+
+
+@computing()
+def law(
+    cube: Cube,
+    output: str | Path | None = None,
+    selections: Mapping[str, Any] = {},
+    **named: Any,
+) -> "Law":
+    """The law of a cloth: an energy density of a membrane, fitted to all tests of one fabric.
+
+    The energy is a sum of convex functions of one combination of strains each, with weights by
+    least squares that are not negative: it is stable at every strain. Forces are its exact
+    derivatives. With the case files beside the cube, energies of curvature are those of the plate.
+
+    Args:
+        cube: tests of periodic fabric: pulled at several angles or both ways, sheared; the workflow
+            ``law`` runs them.
+        output: file to write: ``.py`` functions for NumPy and JAX without knitlab, ``.csv`` stress
+            over strains, or a figure.
+        selections: a value for each coordinate but those of loads, until one design is left.
+        named: further selections, as keywords: ``n_stripe=4``.
+
+    Returns:
+        The law: its ``energy``, ``stress`` and ``tangent`` at any strains, which strains it
+        ``covers``, and its ``errors`` at every test, also if this test is left out.
+
+    Raises:
+        InputError: if several designs are left, they are clamped samples, or tests are too few.
+
+    Example:
+        >>> law = kl.law("results/reference/law")
+        >>> law.stress([0.0, 0.1, 0.0]).round(4).tolist()
+        [-0.0048, 0.0153, 0.0]
+        >>> bool(law.covers([0.05, 0.1, 0.0]))
+        True
+    """
+    from knitlab.export.laws.law import law_of
+    from knitlab.export.laws.law_files import FORMATS
+
+    if output is not None:
+        check_suffix(output := Path(output), (*FORMATS, *FIGURE_SUFFIXES), "a law or a figure")
+    fitted = law_of(as_cube(cube), {**selections, **named})
+    if output is None:
+        return fitted
+    if output.suffix.lower() in FORMATS:
+        fitted.write(output)
+    else:
+        from knitlab.figures.figure_files import draw_into
+        from knitlab.figures.law import law_figure
+
+        draw_into(lambda: law_figure(fitted), output)
+    return fitted
 
 
 def plates_table(plates: xr.Dataset, *, main: bool = False) -> pd.DataFrame:

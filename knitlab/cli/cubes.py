@@ -201,4 +201,21 @@ def plate(
     options.exit_unless(bool((table["status"] == "ok").all()))
 
 
-COMMANDS = (query, find, compare, draw_map, claims, explore, plate)
+@click.command()
+@click.argument("cube", type=options.PATH)
+@options.select
+@options.table_format
+@options.output(
+    "File to write: .py functions, .csv stress over strains, .png, .pdf or .svg figure."
+)
+def law(cube: Path, selections: dict[str, Any], style: str, output: Path | None) -> None:
+    """Fit an energy density of a membrane to the tests in CUBE, and list its errors at each.
+
+    A test left out is predicted by a law that is fitted to the others; where these enclose it the
+    errors say how well the law predicts other loads. The workflow law runs such tests.
+    """
+    fitted = kl.law(cube, output, selections)
+    options.show(fitted.errors, style, output, "law")
+
+
+COMMANDS = (query, find, compare, draw_map, claims, explore, plate, law)

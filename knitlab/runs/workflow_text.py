@@ -21,6 +21,7 @@ from knitlab.runs.workflow import (
     SAMPLE_SIZE,
     SECTIONS,
     SETTINGS,
+    SWEPT_PROTOCOL,
     SWEPT_SECTIONS,
     Workflow,
 )
@@ -185,7 +186,11 @@ def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
 def _refused_pairs(path: Path, pairs: dict[str, Any], table: dict[str, Any]) -> list[Mistake]:
     """What is wrong with the lists of ``[paired]``, beside a table without them."""
     mistakes = list[Mistake]()
-    able = [name for name, each in SETTINGS.items() if each.section in SWEPT_SECTIONS]
+    able = [
+        name
+        for name, each in SETTINGS.items()
+        if each.section in SWEPT_SECTIONS or name in SWEPT_PROTOCOL
+    ]
     able = [name for name in able if name not in OF_ALL_CASES and not SETTINGS[name].takes_list]
     lengths = {len(each) if isinstance(each, list) else 0 for each in pairs.values()}
     for name in pairs:
