@@ -10,10 +10,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from jaxtyping import Bool, Float
+from numpy.typing import ArrayLike
 from scipy.spatial import Delaunay, QhullError
 
 from knitlab.cubes.chosen_case import selected_case
-from knitlab.cubes.cube_file import design_dims
+from knitlab.cubes.cube_file import cube_name, design_dims
 from knitlab.cubes.model_line import model_line
 from knitlab.export.laws.fitting import fitted, predicted
 from knitlab.export.laws.law_files import FORMATS
@@ -45,7 +46,7 @@ class Law:
     """An energy density of a membrane, fitted to the tests of one fabric.
 
     Strains are Green's (E_xx, E_yy, 2 E_xy), stresses second Piola–Kirchhoff (S_xx, S_yy, S_xy)
-    [N/mm], x along the courses and y along the wales; all arguments may have leading axes.
+    [N/mm], x along the courses and y along the wales; arguments may have leading axes.
 
     Attributes:
         ridges: the energy density, see ``docs/how-to/law.md``.
@@ -66,7 +67,7 @@ class Law:
         return f"<Law: {len(self.ridges.weights)} ridges, fitted to {len(self.tests)} tests>"
 
     def energy(
-        self, strain: Strain, curvature: Float[np.ndarray, "*state 3"] | None = None
+        self, strain: ArrayLike, curvature: ArrayLike | None = None
     ) -> Float[np.ndarray, "*state"]:
         """Energy over the relaxed area [N/mm], with that of curvatures (xx, yy, 2 xy) [1/mm]."""
         energy = self.ridges.energy(np.asarray(strain, float))
@@ -74,20 +75,20 @@ class Law:
             return energy
         if self.plate is None:
             raise invalid("curvature", "has no energy: the cube has no plate of this fabric")
-        bending = np.asarray(curvature) @ self.plate.bending
-        return energy + np.sum(bending * curvature, axis=-1) / 2
+        curvature = np.asarray(curvature, float)
+        return energy + np.sum(curvature @ self.plate.bending * curvature, axis=-1) / 2
 
-    def stress(self, strain: Strain) -> Stress:
+    def stress(self, strain: ArrayLike) -> Stress:
         """The stress, the first derivative of the energy by the strain [N/mm]."""
         return self.ridges.stress(np.asarray(strain, float))
 
-    def tangent(self, strain: Strain) -> Float[np.ndarray, "*state 3 3"]:
+    def tangent(self, strain: ArrayLike) -> Float[np.ndarray, "*state 3 3"]:
         """The stiffness, the second derivative; positive semidefinite at every strain [N/mm]."""
         return self.ridges.tangent(np.asarray(strain, float))
 
-    def covers(self, strain: Strain) -> Bool[np.ndarray, "*state"]:
+    def covers(self, strain: ArrayLike) -> Bool[np.ndarray, "*state"]:
         """Whether strains lie between those of the tests; beyond them the law is a guess."""
-        return _between(self.tests, self.mirrored, strain)
+        return _between(self.tests, self.mirrored, np.asarray(strain, float))
 
     @property
     def range(self) -> tuple[np.ndarray, np.ndarray]:
@@ -136,7 +137,7 @@ def law_of(cube: xr.Dataset, selections: Mapping[str, Any]) -> Law:
     tests = strain_tests(rows)
     if len(tests) < FEWEST_TESTS:
         message = f"has {len(tests)} tests of this design; a law needs {FEWEST_TESTS}"
-        raise invalid("cube", f"{message}, as of the workflow law")
+        raise invalid(cube_name(cube), f"{message}, as of the workflow law")
     # Angles beyond 90° are simulated where the fabric is not its own mirror image.
     mirrored = all(test.angle <= 90 for test in tests)
     plate = _plate(cube, rows)
@@ -169,7 +170,7 @@ def _between(tests: Sequence[StrainTest], mirrored: bool, strain: Strain) -> np.
         hull = Delaunay(points)
     except QhullError:  # all lie in a plane
         return np.zeros(np.shape(strain)[:-1], bool)
-    return hull.find_simplex(np.asarray(strain, float)) >= 0
+    return hull.find_simplex(strain) >= 0
 
 
 def _errors(law: RidgeLaw, test: StrainTest) -> tuple[float, float]:

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from knitlab.cubes.cube_file import design_dims
+from knitlab.cubes.cube_file import cube_name, design_dims
 from knitlab.cubes.normalised import require
 from knitlab.cubes.selection import choices, select
 from knitlab.io.errors import invalid
@@ -98,7 +98,8 @@ def rows_of_tests(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset
     """The tests of the one design of a cube that selections leave, along ``test``."""
     require(cube, NEEDED, "a law")
     if cube.attrs.get("model_boundary") != "periodic":
-        raise invalid("cube", "has no periodic fabric, to whose tests a law is fitted; give one")
+        message = "has no periodic fabric, to whose tests a law is fitted; run the workflow law"
+        raise invalid(cube_name(cube), message)
     left = select(cube, selections)
     dims = design_dims(left)
     rows = left.stack(test=dims).transpose("test", ...)

@@ -62,7 +62,7 @@ KNOWN = [
 
 @pytest.fixture(scope="module")
 def law():
-    return kl.law(LAW, n_stripe=4)
+    return kl.law(LAW)
 
 
 @pytest.fixture
@@ -108,7 +108,7 @@ def test_a_stiffness_at_rest_is_met():
 
 
 def test_stresses_of_a_fabric_do_the_work_of_its_energy():
-    for test in strain_tests(rows_of_tests(kl.open_cube(LAW), {"n_stripe": 4})):
+    for test in strain_tests(rows_of_tests(kl.open_cube(LAW), {})):
         mean = (test.stress[1:] + test.stress[:-1]) / 2
         work = np.cumsum(np.sum(mean * np.diff(test.strain, axis=0), axis=1))
         # By trapezoids; fabric that snaps gives up some energy.
@@ -126,7 +126,7 @@ def test_a_law_predicts_the_tests_that_others_enclose(law):
 
 def test_the_tangent_of_a_law_is_the_plate_of_the_stretched_fabric(law):
     """The plate condenses the nodes of a cell out; the law has seen forces only."""
-    plates = kl.plate_stiffness(LAW, n_stripe=4, sample=7).squeeze()
+    plates = kl.plate_stiffness(LAW, sample=7).squeeze()
     (pull,) = (test for test in law.tests if test.label == "pull at 90°")
     for applied in (0.06, 0.09, 0.12, 0.15):
         state = round(applied / 0.03)
@@ -167,10 +167,10 @@ def test_a_table_has_the_stress_over_the_strains_of_the_tests(law, tmp_path):
 
 def test_what_gives_no_law_is_refused(tmp_path):
     with refused("n_stripe", "select"):
-        kl.law(LAW)
+        kl.law(PREVIEW)
     with refused("preview", "periodic"):
         kl.law(PREVIEW.parent / "preview", n_stripe=4, n_subunit=16)
     with refused("tests", "workflow law"):
         kl.law(PREVIEW, n_stripe=4, n_subunit=16)
     with pytest.raises(InputError, match=r"law\.inp"):
-        kl.law(LAW, tmp_path / "law.inp", n_stripe=4)
+        kl.law(LAW, tmp_path / "law.inp")
