@@ -16,7 +16,7 @@ from jax.experimental.compilation_cache import compilation_cache
 from knitlab.io.errors import MachineError, Mistake
 from knitlab.model.compiled_programs import cache_flags
 
-_precision = jax if hasattr(jax, "enable_x64") else experimental  # before JAX 0.8
+precision = jax if hasattr(jax, "enable_x64") else experimental  # before JAX 0.8
 
 
 class _Kept:
@@ -39,7 +39,7 @@ def computing() -> Iterator[None]:
     """
     with ExitStack() as stack:
         for flag in (
-            _precision.enable_x64(True),
+            precision.enable_x64(True),
             jax.numpy_dtype_promotion("standard"),
             jax.numpy_rank_promotion("allow"),
             jax.transfer_guard("allow"),

@@ -90,7 +90,7 @@ def test_a_program_with_a_fault_has_exit_code_1(monkeypatch):
         (("periodic",), "--select"),
         ((PREVIEW, "--select", "n_stripe=4"), "3 designs"),
         ((PREVIEW, *DESIGN, "--set", "n_stripe=4"), "n_stripe"),
-        ((*SMALL, "--repeats", "4"), "'4'"),
+        ((*SMALL, "--repeats", "4"), "--repeats"),
         ((*SMALL, "--repeats", "1x1", "--needles", "90"), "needles"),
         ((*SMALL, "--needles", "9"), "16"),
         ((*SMALL, "--machine", "ends=drop"), "'ends'"),
