@@ -94,9 +94,10 @@ def run(
     )
     for remark in [*result.remarks, *map(str, result.mistakes)]:
         warnings.warn(remark, NotAllOk, stacklevel=2)
+    cube = result.make_cube()
     if shard is None:
-        result.cube.encoding["source"] = str(result.folder / CUBE)
-    return with_derived(result.cube)
+        cube.encoding["source"] = str(result.folder / CUBE)
+    return with_derived(cube)
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,7 @@ class RunResult:
     """What a run did."""
 
     folder: Path
-    cube: xr.Dataset
+    make_cube: Callable[[], xr.Dataset]
     excluded: list[str]  # impossible designs, with the reasons
     simulated: int  # cases
     reused: int  # cases that were there
@@ -155,7 +156,7 @@ def run_and_draw(
         drawn, mistakes = draw_figures(plan.figures, folder)
     return RunResult(
         folder,
-        done.cube,
+        lambda: done.cube,
         excluded_designs(plan.dims, plan.excluded),
         len(done.simulated),
         len(done.left_in(CaseState.done, CaseState.stale_code)),
@@ -184,7 +185,7 @@ def _finished(workflow: str, overrides: Overrides, results: Path) -> RunResult |
     files = [figure.output for figure in figures]
     lines = excluded_designs(record["dims"], excluded)
     cases = len(record["cases"])
-    return RunResult(folder, cube, lines, 0, cases, figures=files, mistakes=mistakes)
+    return RunResult(folder, lambda: cube, lines, 0, cases, figures=files, mistakes=mistakes)
 
 
 def one_of(overrides: Overrides, settings: Mapping[str, Any]) -> Overrides:

@@ -1,6 +1,7 @@
 """Case files: a netCDF file for each case, which ends with its checksum. Needs no JAX."""
 
 import math
+import os
 import shutil
 from collections.abc import Collection
 from contextlib import suppress
@@ -38,11 +39,16 @@ def case_path(results: Path, case_id: str) -> Path:
     return inside(results / "cases", f"{case_id}{NETCDF}")
 
 
-def stored_cases(results: Path) -> set[str]:
-    """Identifiers of the cases that have a file in a results folder."""
-    with suppress(FileNotFoundError, NotADirectoryError):
-        return {path.stem for path in (results / "cases").iterdir() if path.suffix == NETCDF}
-    return set()
+def stored_cases(results: Path) -> dict[str, float]:
+    """The cases that have a file in a results folder, with the time of its last change [s]."""
+    changed: dict[str, float] = {}
+    with suppress(FileNotFoundError, NotADirectoryError), os.scandir(results / "cases") as files:
+        for file in files:
+            if file.name.endswith(NETCDF):
+                about = file.stat()
+                # A file that is moved here changes, but was not modified.
+                changed[file.name.removesuffix(NETCDF)] = max(about.st_mtime, about.st_ctime)
+    return changed
 
 
 def write_case_file(results: Path, case_id: str, dataset: xr.Dataset) -> None:
@@ -80,17 +86,28 @@ def read_code(results: Path, case_id: str) -> str:
 
 
 def read_values(path: Path, names: Collection[str]) -> dict[str, Any]:
-    """Values of those variables that a case file has, several times faster than with xarray."""
-    with netCDF4.Dataset(path) as dataset:
-        dataset.set_auto_maskandscale(False)
-        present = [name for name in names if name in dataset.variables]
-        stored: dict[str, Any] = {name: np.asarray(dataset[name][...]) for name in present}
-    for name, values in stored.items():
-        if name in INTEGERS:
-            stored[name] = np.where(values == MISSING, np.nan, values)
-        elif not values.ndim:
-            stored[name] = values.item()
-    return stored
+    """Values of those variables that a case file has, ten times faster than with xarray."""
+    from scipy.io import netcdf_file  # slow to import
+
+    try:
+        with netcdf_file(path, mmap=False) as file:
+            stored = {name: file.variables[name].data for name in names if name in file.variables}
+    except TypeError:  # in HDF5, as of another program
+        with netCDF4.Dataset(path) as file:
+            file.set_auto_maskandscale(False)
+            stored = {name: file[name][...] for name in names if name in file.variables}
+    return {name: _plain(name, np.asarray(values)) for name, values in stored.items()}
+
+
+def _plain(name: str, values: np.ndarray) -> Any:
+    """Stored values as numbers of this machine, or as text."""
+    if values.dtype.kind == "S":  # of characters
+        rows = values.reshape(math.prod(values.shape[:-1]), -1)
+        texts = np.array([row.tobytes().decode().rstrip("\0") for row in rows])
+        return texts.reshape(values.shape[:-1]) if values.ndim > 1 else texts.item()
+    if name in INTEGERS:
+        return np.where(values == MISSING, np.nan, values)
+    return values.astype(values.dtype.newbyteorder("=")) if values.ndim else values.item()
 
 
 def read_case(results: Path, case_id: str) -> xr.Dataset:

@@ -7,6 +7,7 @@ from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import dask
 import numpy as np
 import xarray as xr
 from pydantic import BaseModel
@@ -88,7 +89,7 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
         except ValueError as error:
             _check_unlocked(path)
             raise _damaged(path, error) from error
-        cube = _opened(path)
+        cube = opened = _opened(path)
         # One without a checksum may be damaged anywhere.
         if not (lazily and complete):
             with cube:
@@ -115,6 +116,7 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
         raise invalid(str(path), "is a single case; give a cube.nc or a results folder")
     _check_gauge(cube, path)
     parameters_of(cube)
+    cube.set_close(opened.close)
     return cube
 
 
@@ -132,16 +134,28 @@ def _check_gauge(cube: xr.Dataset, path: Path) -> None:
             raise NoCube([Mistake(str(path), f"{message}; remove it, or give another cube")])
 
 
-def write_cube(cube: xr.Dataset, path: Path) -> None:
-    """Write the file of a cube atomically; CannotWrite if that fails."""
+def write_cube(cube: xr.Dataset, path: Path, sources: Iterable[xr.Dataset] = ()) -> xr.Dataset:
+    """Write the file of a cube atomically; CannotWrite if that fails.
+
+    Args:
+        cube: a cube; one of dask is written block by block.
+        path: where to write it, maybe in place of one of its sources.
+        sources: cubes that it is made from, whose files are closed.
+
+    Returns:
+        The cube, or one that reads the new file if it is one of dask.
+    """
     cube, encoding = schema.described(cube), schema.encoding(cube)
-    with atomic_write(path) as temporary:
+    with atomic_write(path) as temporary, dask.config.set(scheduler="synchronous"):
         try:
             cube.to_netcdf(temporary, engine="netcdf4", encoding=encoding)
         except (OSError, RuntimeError):  # by netCDF of HDF5, which does not say why
             # HDF5 locks a file that it writes, but not one in memory, where it sorts the variables.
             temporary.write_bytes(cube.to_netcdf(engine="netcdf4", encoding=encoding))
         append_checksum(temporary)
+        for source in sources:
+            source.close()  # Windows replaces no open file
+    return read_cube(path, lazily=True) if cube.chunks else cube
 
 
 def _opened(path: Path) -> xr.Dataset:
@@ -172,7 +186,9 @@ def known_variables(cube: xr.Dataset) -> xr.Dataset:
         stored = known is not None and known.group not in (DERIVED, LABORATORY)
         return stored and {*cube[name].dims} == {*dims, *VARIABLES[name].dims}
 
-    return cube[[name for name in map(str, cube.data_vars) if is_own(name)]]
+    known = cube[[name for name in map(str, cube.data_vars) if is_own(name)]]
+    known.set_close(cube.close)
+    return known
 
 
 def design_dims(cube: xr.Dataset) -> tuple[str, ...]:
@@ -231,8 +247,10 @@ def common_settings(
     records: Iterable[dict[str, Any]], swept: Collection[str], stripes: str
 ) -> dict[str, Any]:
     """Settings that all records share, but for swept ones, with the digest of the stripes."""
-    # Converted to JSON, so that they can be compared with those of a cube.
-    listed: list[dict[str, Any]] = json.loads(json.dumps(list(records)))
+    left_out = {*OF_DESIGNS, *swept}
+    kept = ({key: record[key] for key in record if key not in left_out} for record in records)
+    # Converted to JSON, so that they can be compared with those of a cube; many are the same.
+    listed: list[dict[str, Any]] = [*map(json.loads, dict.fromkeys(map(json.dumps, kept)))]
     common: dict[str, Any] = reduce(shared, listed)
     # Settings of the sheet that some records leave out are kept: without contact they mean nothing.
     if all("sheet" in record for record in listed):
@@ -243,14 +261,13 @@ def common_settings(
             for name, value in stated.items()
             if all(sheet.get(name, value) == value for sheet in sheets)
         }
-    kept = {
+    unswept = {
         key: {name: inner for name, inner in value.items() if name not in swept}
         if isinstance(value, dict)
         else value
         for key, value in common.items()
-        if key not in {*OF_DESIGNS, *swept}
     }
-    return kept | {"stripes": stripes}
+    return unswept | {"stripes": stripes}
 
 
 def parameters_of(cube: xr.Dataset) -> dict[str, Any]:

@@ -101,6 +101,8 @@ def encoding(dataset: xr.Dataset, compressed: bool = True) -> dict[str, dict[str
     for name, settings in chosen.items():
         if compressed and dataset[name].nbytes > SMALL and dataset[name].dtype.kind in "fi":
             settings |= {"zlib": True, "complevel": 4}
+        if blocks := dataset[name].chunks:
+            settings["chunksizes"] = tuple(lengths[0] for lengths in blocks)
         if name in INTEGERS:
             settings |= {"dtype": "int32", "_FillValue": MISSING}
     return chosen | {str(name): {"_FillValue": None} for name in dataset.indexes}

@@ -1,7 +1,7 @@
 """The settings that all cases of a workflow share, and checks of what they combine."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -11,7 +11,6 @@ from knitlab.model.electrodes import Capacitor
 from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.model.settings import ModelOptions, Sheet, largest_thickness
 from knitlab.model.stripe import Knit, Stripe, cell_length, changed_stripe, changed_table
-from knitlab.runs.declared_fields import declared
 from knitlab.runs.parameters import Parameters
 from knitlab.runs.workflow import CHANGES, PLAIN_NUMBERS, Workflow
 from knitlab.solvers.case import Case, Label
@@ -27,8 +26,9 @@ Source = Callable[[str], str]
 
 def overridden(table: Table, section: StrictModel) -> Table:
     """A table of settings with what a workflow's section gives in place of them."""
-    given = section.model_dump(include=set(declared(type(table))), exclude_none=True)
     # mypy knows no bound for "any dataclass".
+    names = {field.name for field in fields(table)}  # type: ignore[arg-type]
+    given = section.model_dump(include=names, exclude_none=True)
     return replace(table, **given)  # type: ignore[type-var]
 
 
@@ -132,10 +132,9 @@ def check_thickness(case: Case, source: Source) -> None:
     """Refuse a fabric so thick that contact would press open its folds at rest."""
     if case.options.contact == "none":
         return
-    pair = case.stripe_pair.weft, case.stripe_pair.warp
     refinement = case.options.cells_per_period // CELLS_PER_PERIOD
-    cell = refinement * min(float(cell_length(each, case.options).min()) for each in pair)
-    sharpest = min(float(each.theta_0.min()) for each in pair)
+    cell = refinement * min(float(cell_length(each, case.options)) for each in case.stripes)
+    sharpest = min(each.theta_0 for each in case.stripes)
     largest = largest_thickness(cell, sharpest) / case.lengths_ratio
     if case.sheet.thickness >= largest:
         message = f"is too thick for the folds of {case.label}; give less than {largest:.3g} mm"

@@ -109,13 +109,16 @@ def checkerboard_cases(
     rows = entry.patches(folder)
     height, width = len(rows), len(rows[0])
     plain = _plain(settings) if "P" in "".join(rows) else None
-    for n, m in (design for design, reason in designs.items() if reason is None):
-        rib = settings.stripe("rib", n)
+    possible = [design for design, reason in designs.items() if reason is None]
+    ribs = {n: settings.stripe("rib", n) for n, _ in possible}
+    twice = GARTER_STITCHES_PER_RIB_STITCH
+    garters = {n: settings.stripe("garter", twice * n) for n, _ in possible}
+    for n, m in possible:
         try:
             case = Case(
                 design={"n_stripe": n, "n_subunit": m, **settings.labels},
-                weft=rib,
-                warp=settings.stripe("garter", GARTER_STITCHES_PER_RIB_STITCH * n),
+                weft=ribs[n],
+                warp=garters[n],
                 options=settings.options,
                 pattern=rows,
                 periods=periods_per_patch(n, m),
@@ -124,7 +127,7 @@ def checkerboard_cases(
                 folds=tuple(SingleFold(**fold.model_dump()) for fold in entry.folds),
                 cell_patches=entry.cell,
                 plain=plain,
-                lengths_ratio=lengths_ratio(rib, settings.sheet, settings.options),
+                lengths_ratio=lengths_ratio(ribs[n], settings.sheet, settings.options),
                 **settings.common,
             )
             _check_size(case, source)

@@ -1,16 +1,24 @@
-"""The cube: every design that a results folder knows, on one labelled grid."""
+"""The cube: every design that a results folder knows, on one labelled grid.
 
+A large cube is made in blocks of designs, each when it is written, as the whole may not fit into
+memory.
+"""
+
+import itertools
 import json
-from collections.abc import Collection, Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, fields
-from functools import reduce
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import dask.array as da
 import numpy as np
 import xarray as xr
+from dask.array.core import normalize_chunks
 
-from knitlab.cubes.case_file import case_path, read_values
+from knitlab.cubes.case_file import case_path, read_values, stored_cases
 from knitlab.cubes.cube_file import (
     ATTRIBUTE,
     GAUGE,
@@ -41,6 +49,8 @@ MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unload
 """Parameters in which designs of one cube may differ."""
 DAMAGED_CUBE = "cube-damaged.nc"
 UNIT_CELLS = ("unit_cells_y", "unit_cells_x")
+BLOCK_BYTES = 50e6
+"""Numbers of the designs that are made and written together, and are in memory at a time."""
 Values = dict[str, Any]
 GAUGE_ATTRIBUTES = {field.name: f"{GAUGE}{field.name}" for field in fields(Gauge)}  # in mm
 
@@ -52,6 +62,21 @@ class Entry(NamedTuple):
     strains: tuple[float, ...]
 
 
+class Owner(NamedTuple):
+    """The first cube, of several, that has the best results of a design."""
+
+    cube: xr.Dataset
+    design: CubeDesign
+
+    @property
+    def rank(self) -> int:
+        """A design with results is taken before one that failed, and this before a missing one."""
+        return {Status.pending: 0, Status.failed: 1}.get(self.design.status, 2)
+
+
+Owners = Mapping[Labels, Owner]
+
+
 def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     """The existing cube, if there is one; InputError if the plan's designs cannot be added to it.
 
@@ -60,7 +85,7 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     if not path.exists():
         return None
     try:
-        cube = validated_cube(read_cube(path), path)
+        cube = validated_cube(read_cube(path, lazily=True), path)
     except (Damaged, NoCube):
         path.replace(path.with_name(DAMAGED_CUBE))
         return None
@@ -88,53 +113,53 @@ def validated_cube(cube: xr.Dataset, path: Path) -> xr.Dataset:
 def build_cube(
     plan: Plan,
     results: Path,
-    old: xr.Dataset | None,
+    old: Sequence[xr.Dataset],
     states: Mapping[str, CaseState],
     failed: Collection[str],
 ) -> xr.Dataset:
-    """Cube of a plan, from its case files and the previous cube, which has the same dimensions.
+    """Cube of a plan, from its case files and earlier cubes, which have the same dimensions.
 
-    Case files replace designs of the old cube; combinations never requested are ``excluded``.
+    Case files replace designs of these cubes; combinations never requested are ``excluded``. A
+    large cube is one of dask, which reads the files when it is written.
     """
-    known = cube_designs(old)
-    entries = {} if old is None else _entries_of(old, known)
-    if old is not None and (gauge := read_gauge(old.attrs)):
-        for entry in entries.values():
-            sizes = {name: float(entry.values[name]) for name in (*ALONG_X, *ALONG_Y)}
-            entry.values.update(at_gauge(sizes, gauge, plan.gauge))
+    known, files = owners(old), stored_cases(results)
     # A swept setting, such as contact, may give some cases variables that others lack.
-    names = set() if old is None else set(map(str, old.data_vars))
-    strains = set() if old is None else set(old["applied_strain"].values.tolist())
+    names = {str(name) for cube in old for name in cube.data_vars}
+    strains = {strain for cube in old for strain in cube["applied_strain"].values.tolist()}
+    new: dict[Labels, tuple[Case, Callable[[], Values]]] = {}
     for case_id, case in plan.cases.items():
         variables = {name for name, each in variables_of(case).items() if each.in_cube}
         names |= variables
         design = tuple(case.design.values())
-        cell, state = known.get(design), states.get(case_id)
+        cell, state = known[design].design if design in known else None, states.get(case_id)
         has_results = cell is not None and cell.has_results
         whole = {*case.applied_strain} <= strains  # of which another program may leave some out
         if cell and has_results and whole and state is CaseState.done and cell.case_id == case_id:
             continue
-        values, path = input_values(case), case_path(results, case_id)
-        if state is not CaseState.damaged and path.is_file():
-            values |= read_values(path, variables)
-            values |= cloth_sizes(case, values, plan.gauge)
-        elif has_results:
-            continue
-        else:
+        if state is not CaseState.damaged and case_id in files:
+            path = case_path(results, case_id)
+            new[design] = case, partial(_case_values, case, path, variables, plan.gauge)
+        elif not has_results:
             status = Status.failed if case_id in failed else Status.pending
-            values |= {"code": "", "status": status}
-        entries[design] = Entry(values, case.applied_strain)
+            new[design] = case, partial(dict, code="", status=status)
 
     pure = any(case.pure for case in plan.cases.values())
     groups = (DESIGN, STRIPES) if pure else (DESIGN, STRIPES, CLOTH)
     names |= {name for name, each in VARIABLES.items() if each.group in groups}
-    designs = [*entries, *(design for design in plan.excluded if len(design) == len(plan.dims))]
-    labels = dict(zip(plan.dims, zip(*designs, strict=True), strict=True))
-    # A stripe number that is swept is a coordinate.
-    cube = _gridded(labels, names - {*plan.dims}, entries)
+    kept = {design: owner for design, owner in known.items() if design not in new}
+    designs = [*known, *plan.designs.values()]
+    designs += [design for design in plan.excluded if len(design) == len(plan.dims)]
+    cube = _gridded(
+        dict(zip(plan.dims, zip(*designs, strict=True), strict=True)),
+        names - {*plan.dims},  # a stripe number that is swept is a coordinate
+        kept,
+        new,
+        plan.gauge,
+    )
     for name, coordinate in plan.coordinates.items():
         cube[name].attrs |= coordinate.attributes
-    cube.attrs |= _attributes(plan, old, entries)
+    planned = [True] * bool(new) + [each.design.case_id in plan.cases for each in kept.values()]
+    cube.attrs |= _attributes(plan, old, planned)
     if "knit_cell_x" in cube:
         cube.attrs |= gauge_attributes(plan.gauge)
     return cube
@@ -145,40 +170,47 @@ def joined_cubes(cubes: Sequence[xr.Dataset]) -> xr.Dataset:
 
     A design with results is taken before one without, an earlier cube before a later one.
     """
-    first, rank_of = cubes[0], {Status.pending: 0, Status.failed: 1}
-    entries = [
-        pair for cube in cubes[::-1] for pair in _entries_of(cube, cube_designs(cube)).items()
-    ]
-    entries.sort(key=lambda pair: rank_of.get(pair[1].values["status"], 2))  # the last is taken
+    first = cubes[0]
     labels = {
         dim: [label for cube in cubes for label in cube[dim].values.tolist()]
         for dim in design_dims(first)
     }
     names = {str(name) for cube in cubes for name in cube.data_vars}
-    joined = _gridded(labels, names, dict(entries)).assign_attrs(first.attrs)
+    joined = _gridded(labels, names, owners(cubes)).assign_attrs(first.attrs)
     for dim in labels:
         joined[dim].attrs |= first[dim].attrs
-    joined.attrs[ATTRIBUTE] = json.dumps(reduce(shared, map(parameters_of, cubes)))
+    joined.attrs[ATTRIBUTE] = json.dumps(joint_parameters(cubes))
     return joined
 
 
-def _entries_of(cube: xr.Dataset, known: Mapping[Labels, CubeDesign]) -> dict[Labels, Entry]:
-    arrays = {str(name): array.values for name, array in cube.data_vars.items()}
-    strains = tuple(cube["applied_strain"].values.tolist())
-    return {
-        design: Entry({name: array[cell.indices] for name, array in arrays.items()}, strains)
-        for design, cell in known.items()
-    }
+def joint_parameters(cubes: Iterable[xr.Dataset]) -> dict[str, Any]:
+    """The parameters that all cubes share."""
+    return reduce(shared, map(parameters_of, cubes))
 
 
-def _attributes(
-    plan: Plan, old: xr.Dataset | None, entries: Mapping[Labels, Entry]
-) -> dict[str, str]:
+def owners(cubes: Sequence[xr.Dataset]) -> Owners:
+    """The designs of cubes, each with the cube that it is taken from."""
+    known: dict[Labels, Owner] = {}
+    for cube in cubes:
+        for labels, design in cube_designs(cube).items():
+            owner = Owner(cube, design)
+            if labels not in known or owner.rank > known[labels].rank:
+                known[labels] = owner
+    return known
+
+
+def _case_values(case: Case, path: Path, names: Collection[str], gauge: Gauge) -> Values:
+    """What a case file adds to the inputs of a case."""
+    values = read_values(path, names)
+    return values | cloth_sizes(case, values, gauge)
+
+
+def _attributes(plan: Plan, old: Sequence[xr.Dataset], planned: Sequence[bool]) -> dict[str, str]:
     """Attributes of a cube: its provenance, and the parameters that all of its designs share."""
     common = plan.common
-    planned = [entry.values["case_id"] in plan.cases for entry in entries.values()]
-    if old is not None and not all(planned):
-        common = shared(parameters_of(old), common) if any(planned) else parameters_of(old)
+    if old and not all(planned):
+        before = joint_parameters(old)
+        common = shared(before, common) if any(planned) else before
     attributes = {"title": plan.title, "workflow": plan.workflow, ATTRIBUTE: json.dumps(common)}
     if plan.material is not None:
         attributes["material"] = plan.material
@@ -226,29 +258,97 @@ def read_gauge(attributes: Mapping[Any, Any]) -> Gauge | None:
 
 
 def _gridded(
-    labels: Mapping[str, Iterable[Any]], names: Collection[str], entries: Mapping[Labels, Entry]
+    labels: Mapping[str, Iterable[Any]],
+    names: Collection[str],
+    kept: Owners,
+    new: Mapping[Labels, tuple[Case, Callable[[], Values]]] = {},
+    gauge: Gauge | None = None,
 ) -> xr.Dataset:
-    """Entries on the grid of labels: numbers ascend, texts are in order of appearance."""
+    """Designs on the grid of labels: numbers ascend, texts are in order of appearance."""
     along = {dim: list(dict.fromkeys(given)) for dim, given in labels.items()}
     for given in along.values():
         if not any(isinstance(label, str) for label in given):
             given.sort()
-    strains = sorted({strain for entry in entries.values() for strain in entry.strains})
+    cubes = list({id(owner.cube): owner.cube for owner in kept.values()}.values())
+    strains = {strain for case, _ in new.values() for strain in case.applied_strain}
+    cells = [case.cell_grid.count for case, _ in new.values()]
+    for cube in cubes:
+        strains |= {*cube["applied_strain"].values.tolist()}
+        rows = [owner.design.indices for owner in kept.values() if owner.cube is cube]
+        at = tuple(np.transpose(rows))
+        cells.append(tuple(int(cube[name].values[at].max()) for name in UNIT_CELLS))
     sizes = {"applied_strain": len(strains)}
-    for dim, name in zip(("cell_y", "cell_x"), UNIT_CELLS, strict=True):
-        sizes[dim] = max(int(entry.values[name]) for entry in entries.values())
+    sizes |= dict(zip(("cell_y", "cell_x"), map(max, zip(*cells, strict=True)), strict=True))
     sizes |= {name: len(labels) for name, labels in FIXED_COORDINATES.items()}
-    grid = tuple(map(len, along.values()))
-    arrays: dict[str, np.ndarray] = {
-        name: np.full((*grid, *(sizes[dim] for dim in variable.dims)), np.nan)
+
+    def filled(dtype: Any, value: Any, dims: Sequence[str] = ()) -> xr.Variable:
+        shape = [*map(len, along.values()), *(sizes[dim] for dim in dims)]
+        return xr.Variable((*along, *dims), da.full(shape, value, dtype, chunks=-1))
+
+    variables = {
+        name: filled(float, np.nan, variable.dims)
         for name, variable in VARIABLES.items()
         if name in names and name not in TEXTS
     }
-    arrays["status"] = np.full(grid, Status.excluded, np.int8)
-    arrays |= {name: np.full(grid, "", dtype=object) for name in TEXTS}
+    variables["status"] = filled(np.int8, int(Status.excluded))
+    variables |= {name: filled("U1", "") for name in TEXTS}
+    coordinates = {
+        **along,
+        "applied_strain": sorted(strains),
+        **{dim: np.arange(sizes[dim]) for dim in ("cell_y", "cell_x")},
+        **fixed_coordinates({dim for name in names for dim in VARIABLES[name].dims}),
+    }
+    empty = described(xr.Dataset(variables, coordinates))
 
-    index_of = [{label: k for k, label in enumerate(given)} for given in along.values()]
-    rank = {strain: k for k, strain in enumerate(strains)}
+    def entries(part: xr.Dataset) -> dict[Labels, Entry]:
+        found = _entries_of(cubes, part, kept, gauge)
+        for design in itertools.product(*(part[dim].values.tolist() for dim in along)):
+            if design in new:
+                case, values = new[design]
+                found[design] = Entry(input_values(case) | values(), case.applied_strain)
+        return found
+
+    def block(part: xr.Dataset) -> xr.Dataset:
+        return _with_entries(part, entries(part))
+
+    grid = tuple(map(len, along.values()))
+    size = empty.nbytes // math.prod(grid)
+    chunks = normalize_chunks("auto", grid, BLOCK_BYTES, np.dtype(f"V{size}"))
+    if all(len(each) == 1 for each in chunks):
+        return block(empty.compute())
+    blocks = empty.chunk(dict(zip(along, chunks, strict=True)))
+    return xr.map_blocks(block, blocks, template=blocks)
+
+
+def _entries_of(
+    cubes: Sequence[xr.Dataset], part: xr.Dataset, kept: Owners, gauge: Gauge | None
+) -> dict[Labels, Entry]:
+    """The designs of a part of a grid that are kept from cubes, at a gauge."""
+    entries: dict[Labels, Entry] = {}
+    for cube in cubes:
+        dims = design_dims(cube)
+        there = cube.isel({dim: np.flatnonzero(cube[dim].isin(part[dim])) for dim in dims}).load()
+        arrays = {str(name): array.values for name, array in there.data_vars.items()}
+        if gauge and (before := read_gauge(cube.attrs)):
+            sizes = {name: arrays[name] for name in (*ALONG_X, *ALONG_Y)}
+            arrays |= at_gauge(sizes, before, gauge)
+        strains = tuple(there["applied_strain"].values.tolist())
+        for design, cell in cube_designs(there).items():
+            if design in kept and kept[design].cube is cube:
+                values = {name: array[cell.indices] for name, array in arrays.items()}
+                entries[design] = Entry(values, strains)
+    return entries
+
+
+def _with_entries(part: xr.Dataset, entries: Mapping[Labels, Entry]) -> xr.Dataset:
+    """A part of a grid with its entries."""
+    arrays = {
+        str(name): np.array(each.values, object if name in TEXTS else None)
+        for name, each in part.data_vars.items()
+    }
+    labels = [part[dim].values.tolist() for dim in design_dims(part)]
+    index_of = [{label: k for k, label in enumerate(given)} for given in labels]
+    rank = {strain: k for k, strain in enumerate(part["applied_strain"].values.tolist())}
     for design, entry in entries.items():
         at = tuple(index[label] for index, label in zip(index_of, design, strict=True))
         rows = [rank[strain] for strain in entry.strains]
@@ -259,16 +359,6 @@ def _gridded(
             else:
                 # Values of an old cube may be padded to more unit cells than the new one has.
                 extents = zip(dims[1:], np.shape(value)[1:], strict=True)
-                within = tuple(slice(0, min(size, sizes[dim])) for dim, size in extents)
+                within = tuple(slice(0, min(size, part.sizes[dim])) for dim, size in extents)
                 arrays[name][at][(rows, *within)] = value[(slice(None), *within)]
-
-    variables: dict[str, Any] = {
-        name: ((*along, *VARIABLES[name].dims), array) for name, array in arrays.items()
-    }
-    coordinates = {
-        **along,
-        "applied_strain": strains,
-        **{dim: np.arange(sizes[dim]) for dim in ("cell_y", "cell_x")},
-        **fixed_coordinates({dim for name in names for dim in VARIABLES[name].dims}),
-    }
-    return described(xr.Dataset(variables, coordinates))
+    return part.copy(data=arrays)

@@ -18,7 +18,14 @@ from knitlab.io.lock import locked
 from knitlab.io.names import named_folder
 from knitlab.observables.status import Status
 from knitlab.runs import results_folder
-from knitlab.runs.cube import GAUGE_ATTRIBUTES, MAY_DIFFER, build_cube, joined_cubes, validated_cube
+from knitlab.runs.cube import (
+    GAUGE_ATTRIBUTES,
+    MAY_DIFFER,
+    build_cube,
+    joined_cubes,
+    owners,
+    validated_cube,
+)
 from knitlab.runs.plan import joined_plan
 from knitlab.runs.reproduce import CURVES, comparison
 from knitlab.runs.results_folder import PLAN, CubeDesign, Failure, Labels
@@ -53,7 +60,7 @@ class FolderContents:
     def read(cls, path: Path) -> "FolderContents":
         """Read a results folder; InputError if it holds an experiment."""
         workflow, dims, parameters = path.name, tuple[str, ...](), dict[str, Any]()
-        cube = cube_file.read_cube(path) if (path / CUBE).exists() else None
+        cube = cube_file.read_cube(path, lazily=True) if (path / CUBE).exists() else None
         if cube is not None:
             if cube_file.is_measured(cube):
                 raise invalid(str(path), "holds an experiment; only simulations are merged")
@@ -67,7 +74,7 @@ class FolderContents:
             dims, parameters = dims or tuple(record["dims"]), parameters or record["parameters"]
         known = results_folder.cube_designs(cube).items()
         designs = {labels: design for labels, design in known if design.has_results}
-        names = case_file.stored_cases(path)
+        names = {*case_file.stored_cases(path)}
         undamaged = frozenset(name for name in names if case_file.is_undamaged(path, name))
         damaged = tuple(case_file.case_path(path, name) for name in sorted(names - undamaged))
         return cls(path, workflow, record, cube, dims, parameters, designs, undamaged, damaged)
@@ -117,13 +124,15 @@ def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = Fa
         copied = {case_id: owner for case_id, owner in sorted(owners.items()) if owner != target}
         for case_id, owner in copied.items():
             case_file.copy_case_file(owner, target, case_id)
-        cube = _joined(merged, target, failures)
-        cube_file.write_cube(cube, target / CUBE)
+        cubes = [source.cube for source in merged if source.cube is not None]
+        cube = cube_file.write_cube(_joined(merged, target, failures), target / CUBE, cubes)
+        damaged = {file for source in sources for file in source.damaged if file.stem not in owners}
+        left = (file.stem for file in damaged if file == case_file.case_path(target, file.stem))
+        results_folder.doubt(target, left)
         bad = cube["status"].isin([Status.not_converged, Status.failed]).values
         not_ok = [failures[name] for name in cube["case_id"].values[bad] if name in failures]
         results_folder.write_failures(target, not_ok)
     counts = {each.name: int((cube["status"] == each).sum()) for each in Status}
-    damaged = {file for source in sources for file in source.damaged if file.stem not in owners}
     return Merge(
         folder=results / target.name,
         cube=cube,
@@ -151,18 +160,17 @@ def _joined(
 ) -> xr.Dataset:
     """The cube of all folders and of the case files in the target, which gets their joint plan."""
     cubes = [source.cube for source in merged if source.cube is not None]
-    old = joined_cubes(cubes) if cubes else None
     records = [source.record for source in merged if source.record]
     if not records:
-        if old is None:
+        if not cubes:
             path = merged[0].path
             raise invalid(str(path), f"has neither {PLAN} nor {CUBE}; run its workflow there first")
-        return old
+        return joined_cubes(cubes)
     plan = joined_plan(records, str(target))
     plan.write(target / PLAN)
-    known = results_folder.cube_designs(old)
+    known = {labels: owner.design for labels, owner in owners(cubes).items()}
     states = results_folder.case_states(plan.designs, target, known, check=False)
-    return build_cube(plan, target, old, states, results_folder.failed_cases(failures))
+    return build_cube(plan, target, cubes, states, results_folder.failed_cases(failures))
 
 
 def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:

@@ -85,7 +85,7 @@ class Plan:
         """The settings that all cases share."""
         # A factor on a number changes this number too.
         swept = {*self.dims, *(each.removesuffix(FACTOR) for each in self.dims)}
-        return common_settings([case.record for case in self.cases.values()], swept, self.stripes)
+        return common_settings((case.record for case in self.cases.values()), swept, self.stripes)
 
     @property
     def applied_strain(self) -> tuple[float, ...]:

@@ -9,8 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from knitlab.cubes.case_file import is_undamaged, read_code, stored_cases
-from knitlab.cubes.cube_file import design_dims
+from knitlab.cubes.case_file import (
+    case_path,
+    is_undamaged,
+    read_code,
+    read_values,
+    stored_cases,
+)
+from knitlab.cubes.cube_file import CUBE, design_dims
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.checksum import is_damaged_json
 from knitlab.io.errors import invalid
@@ -61,18 +67,45 @@ def cube_designs(cube: xr.Dataset | None) -> dict[Labels, CubeDesign]:
     return designs
 
 
+def checked_until(folder: Path) -> float:
+    """When the cube of a folder was written, before which all its case files were checked [s]."""
+    path = folder / CUBE
+    return path.stat().st_mtime if path.exists() else 0.0
+
+
+def doubt(folder: Path, cases: Iterable[str]) -> None:
+    """Have the next run check some case files again, as it checks those newer than the cube."""
+    for case_id in cases:
+        case_path(folder, case_id).touch()
+
+
+def stored_statuses(folder: Path, cases: Iterable[str]) -> dict[str, Status]:
+    """Statuses in the files of those cases that have one."""
+    files = stored_cases(folder)
+    paths = {case_id: case_path(folder, case_id) for case_id in cases if case_id in files}
+    return {name: Status(read_values(path, ["status"])["status"]) for name, path in paths.items()}
+
+
 def case_states(
-    designs: Mapping[str, Labels], folder: Path, known: Mapping[Labels, CubeDesign], check: bool
+    designs: Mapping[str, Labels],
+    folder: Path,
+    known: Mapping[Labels, CubeDesign],
+    check: bool,
+    since: float = 0.0,
 ) -> dict[str, CaseState]:
-    """State of every planned case; ``check`` compares every case file with its checksum."""
+    """State of every planned case; ``check`` compares case files with their checksums.
+
+    Those with results in the cube are only compared if they have changed ``since`` a time [s].
+    """
     files, states = stored_cases(folder), {}
     for case_id, labels in designs.items():
         design = known.get(labels)
         is_in_cube = design is not None and design.case_id == case_id
+        unchanged = is_in_cube and design.has_results and files.get(case_id, since) < since
         if case_id not in files:
             is_stale = design is not None and design.has_results and not is_in_cube
             states[case_id] = CaseState.stale_parameters if is_stale else CaseState.pending
-        elif check and not is_undamaged(folder, case_id):
+        elif check and not unchanged and not is_undamaged(folder, case_id):
             states[case_id] = CaseState.damaged
         else:
             code = design.code if design and is_in_cube else ""

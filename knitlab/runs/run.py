@@ -2,9 +2,10 @@
 
 import itertools
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
 
 import xarray as xr
@@ -29,8 +30,10 @@ from knitlab.runs.results_folder import (
     CaseState,
     Failure,
     case_states,
+    checked_until,
     cube_designs,
     earlier_failures,
+    stored_statuses,
 )
 from knitlab.runs.simulate import simulate_batch
 from knitlab.runs.workers import BatchError, SchedulerLost, Simulate, Task
@@ -81,7 +84,7 @@ class RunOptions:
 class Run:
     """The result of a run; cases are named by their identifiers."""
 
-    cube: xr.Dataset  # as written; of a shard, the designs of its share alone
+    make_cube: Callable[[], xr.Dataset]
     simulated: tuple[str, ...]
     states_before: dict[str, CaseState]
     failures: tuple[Failure, ...]
@@ -89,6 +92,11 @@ class Run:
     changed: tuple[str, ...]  # differences to the parameters of the cube before the run
     joined: bool  # whether ``cube.nc`` was written; it is left to other shards that still run
     rebuilt: bool = False  # whether the cube before the run was damaged
+
+    @cached_property
+    def cube(self) -> xr.Dataset:
+        """The cube as written; of a shard the designs of its share alone, from its case files."""
+        return self.make_cube()
 
     def left_in(self, *states: CaseState) -> set[str]:
         """The cases that were in one of some states before the run, which did not simulate them."""
@@ -154,7 +162,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
                 clear_unfinished(results)
                 plan.write(results / PLAN)
         in_cube = cube_designs(old)
-        states = case_states(share.designs, results, in_cube, check=True)
+        checked = checked_until(results)
+        states = case_states(share.designs, results, in_cube, check=True, since=checked)
         wanted = {CaseState.pending, CaseState.damaged}
         unconverged = set[str]()
         if options.refresh:
@@ -171,14 +180,15 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             done = _simulate(share, results, missing, options, asked)
         if shard is None:
             cube, failures = _join(plan, results, old, states, done)
-            joined = True
+            make_cube, joined = (lambda: cube), True
         else:
             # Without cases in the share, the cube has all designs, as pending.
             after = states | dict.fromkeys(done.ended, CaseState.pending)
             nothing = dict.fromkeys(plan.cases, CaseState.damaged)
             designs, known = (share, after) if share.cases else (plan, nothing)
-            cube = build_cube(designs, results, None, known, done.failed)
-            failures = _failures(share, results, cube, done)
+            make_cube = partial(build_cube, designs, results, [], known, done.failed)
+            undamaged = [name for name, state in after.items() if state is not CaseState.damaged]
+            failures = _failures(share, results, stored_statuses(results, undamaged), done)
             with brief_lock(results):
                 others = earlier_failures(results).items()
                 kept = [entry for case_id, entry in others if case_id not in share.cases]
@@ -187,11 +197,12 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
                 if joined:
                     # Others may have written the cube while this shard was running.
                     now = previous_cube(plan, results / CUBE)
-                    after = case_states(plan.designs, results, cube_designs(now), check=True)
+                    in_cube, checked = cube_designs(now), checked_until(results)
+                    after = case_states(plan.designs, results, in_cube, check=True, since=checked)
                     _join(plan, results, now, after, done)
     changed = () if old is None else differences(parameters_of(old), plan.common)
     return Run(
-        cube,
+        make_cube,
         simulated=tuple(sorted(done.ended)),
         states_before=states,
         failures=failures,
@@ -304,20 +315,26 @@ def _join(
     """Write the cube and the failures of a folder, with the states of its cases before the run."""
     failed = results_folder.failed_cases(earlier_failures(results)) | done.failed.keys()
     after = states | dict.fromkeys(done.ended, CaseState.pending)
-    cube = build_cube(plan, results, old, after, failed)
-    failures = _failures(plan, results, cube, done)
-    write_cube(cube, results / CUBE)
+    sources = [] if old is None else [old]
+    cube = build_cube(plan, results, sources, after, failed)
+    cube = write_cube(cube, results / CUBE, sources)
+    results_folder.doubt(results, (name for name in after if after[name] is CaseState.damaged))
+    statuses = {each.case_id: each.status for each in cube_designs(cube).values()}
+    failures = _failures(plan, results, statuses, done)
     results_folder.write_failures(results, failures)
     return cube, tuple(entry for entry in failures if entry["case_id"] in plan.cases)
 
 
-def _failures(plan: Plan, results: Path, cube: xr.Dataset, done: _Simulated) -> tuple[Failure, ...]:
-    """For every design of the cube that is not ok the reason, and the record to run it alone."""
+def _failures(
+    plan: Plan, results: Path, statuses: Mapping[str, Status], done: _Simulated
+) -> tuple[Failure, ...]:
+    """For every case that is not ok the reason, and the record to run it alone."""
     earlier = earlier_failures(results)
-    bad = cube["status"].isin([Status.not_converged, Status.failed])
+    not_ok = (Status.not_converged, Status.failed)
+    bad = [case_id for case_id, status in statuses.items() if status in not_ok]
     entries = []
     # A case that failed when it was refreshed keeps its old results in the cube.
-    for case_id in dict.fromkeys([*cube["case_id"].values[bad.values], *done.failed]):
+    for case_id in dict.fromkeys([*bad, *done.failed]):
         error = done.failed.get(case_id)
         if case_id in earlier and case_id not in done.ended and not error:
             entries.append(earlier[case_id])

@@ -21,6 +21,7 @@ from knitlab.runs.results_folder import (
     Labels,
     case_states,
     changed_inputs,
+    checked_until,
     cube_designs,
     earlier_failures,
     label_text,
@@ -136,6 +137,7 @@ def finished_plan(
             known = cube_designs(cube)
             ok = {each.case_id for each in known.values() if each.status is Status.ok}
             if designs.keys() <= ok:
-                states = case_states(designs, folder, known, check=True)
+                checked = checked_until(folder)
+                states = case_states(designs, folder, known, check=True, since=checked)
                 return (record, cube) if set(states.values()) == {CaseState.done} else None
     return None

@@ -189,6 +189,12 @@ class Case:
         return self.grading.weft, self.grading.warp
 
     @property
+    def stripes(self) -> tuple[Stripe, ...]:
+        """Its stripes, of both knits."""
+        weft, warp = self._stripes
+        return *weft, *warp
+
+    @property
     def stripe_pair(self) -> StripePair:
         """The numbers of its stripes: of each knit one, or several along an axis."""
         return StripePair.of(*self._stripes)
@@ -279,8 +285,7 @@ class Case:
     @property
     def spring_kinds(self) -> tuple[SpringKinds, ...]:
         """The kinds of springs of its stripes; cases that share them can be one batch."""
-        weft, warp = self._stripes
-        return tuple(stripe.spring_kind for stripe in (*weft, *warp))
+        return tuple(stripe.spring_kind for stripe in self.stripes)
 
     @property
     def layout(self) -> FabricLayout:
