@@ -1,13 +1,14 @@
 """Cube files: opening, writing and joining cubes, their dimensions and common settings."""
 
 import json
-from collections.abc import Collection, Iterable
-from contextlib import suppress
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import dask
+import netCDF4
 import numpy as np
 import xarray as xr
 from pydantic import BaseModel
@@ -25,6 +26,7 @@ from knitlab.observables.of_cubes import DERIVED, LABORATORY
 from knitlab.observables.schema import DESIGN_DIMS, SIMULATION, SOURCE, VARIABLES
 
 CUBE = "cube.nc"
+CHUNK_CACHE = 4_000_000  # bytes of a variable that HDF5 keeps uncompressed
 OF_DESIGNS = ("design", "weft", "warp", "periods", "lengths_ratio")
 """Entries of a record that depend on the design."""
 GAUGE = "gauge_"  # prefix of the attributes of a cube that are its gauge [mm]
@@ -146,7 +148,11 @@ def write_cube(cube: xr.Dataset, path: Path, sources: Iterable[xr.Dataset] = ())
         The cube, or one that reads the new file if it is one of dask.
     """
     cube, encoding = schema.described(cube), schema.encoding(cube)
-    with atomic_write(path) as temporary, dask.config.set(scheduler="synchronous"):
+    with (
+        atomic_write(path) as temporary,
+        dask.config.set(scheduler="synchronous"),
+        _small_chunk_cache(),
+    ):
         try:
             cube.to_netcdf(temporary, engine="netcdf4", encoding=encoding)
         except (OSError, RuntimeError):  # by netCDF of HDF5, which does not say why
@@ -158,10 +164,22 @@ def write_cube(cube: xr.Dataset, path: Path, sources: Iterable[xr.Dataset] = ())
     return read_cube(path, lazily=True) if cube.chunks else cube
 
 
+@contextmanager
+def _small_chunk_cache() -> Iterator[None]:
+    """Have files that are opened keep a few blocks, and not 64 MB of each variable."""
+    before = netCDF4.get_chunk_cache()
+    netCDF4.set_chunk_cache(CHUNK_CACHE)
+    try:
+        yield
+    finally:
+        netCDF4.set_chunk_cache(*before)
+
+
 def _opened(path: Path) -> xr.Dataset:
     """A netCDF file, opened; from its bytes where it cannot be locked."""
     try:
-        return xr.open_dataset(path, engine="netcdf4")
+        with _small_chunk_cache():
+            return xr.open_dataset(path, engine="netcdf4")
     except (OSError, RuntimeError):  # the second, at times, of a file that is open here
         _check_unlocked(path)
         with suppress(OSError, ValueError, RuntimeError):

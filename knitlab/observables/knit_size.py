@@ -6,6 +6,8 @@ contraction, relaxed over flat; the gauge gives the flat size of a stitch.
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from knitlab.model.stitches import Gauge, Stitches
 
 ALONG_X = ("knit_cell_x", "knit_wavelength_x", "knit_width")
@@ -33,7 +35,7 @@ def knit_sizes(
     return sizes
 
 
-def at_gauge(sizes: Mapping[str, float], before: Gauge, now: Gauge) -> dict[str, float]:
+def at_gauge(sizes: Mapping[str, np.ndarray], before: Gauge, now: Gauge) -> dict[str, np.ndarray]:
     """Sizes of :func:`knit_sizes` at another gauge; bitwise unchanged if it is the same [mm]."""
     factors = dict.fromkeys(ALONG_X, now.stitch_width / before.stitch_width)
     factors |= dict.fromkeys(ALONG_Y, now.stitch_height / before.stitch_height)

@@ -128,8 +128,7 @@ def build_cube(
     strains = {strain for cube in old for strain in cube["applied_strain"].values.tolist()}
     new: dict[Labels, tuple[Case, Callable[[], Values]]] = {}
     for case_id, case in plan.cases.items():
-        variables = {name for name, each in variables_of(case).items() if each.in_cube}
-        names |= variables
+        names |= _names_in_cube(case)
         design = tuple(case.design.values())
         cell, state = known[design].design if design in known else None, states.get(case_id)
         has_results = cell is not None and cell.has_results
@@ -137,8 +136,7 @@ def build_cube(
         if cell and has_results and whole and state is CaseState.done and cell.case_id == case_id:
             continue
         if state is not CaseState.damaged and case_id in files:
-            path = case_path(results, case_id)
-            new[design] = case, partial(_case_values, case, path, variables, plan.gauge)
+            new[design] = case, partial(_case_values, case, results, plan.gauge)
         elif not has_results:
             status = Status.failed if case_id in failed else Status.pending
             new[design] = case, partial(dict, code="", status=status)
@@ -199,9 +197,14 @@ def owners(cubes: Sequence[xr.Dataset]) -> Owners:
     return known
 
 
-def _case_values(case: Case, path: Path, names: Collection[str], gauge: Gauge) -> Values:
+def _names_in_cube(case: Case) -> set[str]:
+    """The variables of a case that a cube has."""
+    return {name for name, each in variables_of(case).items() if each.in_cube}
+
+
+def _case_values(case: Case, results: Path, gauge: Gauge) -> Values:
     """What a case file adds to the inputs of a case."""
-    values = read_values(path, names)
+    values = read_values(case_path(results, case.case_id), _names_in_cube(case))
     return values | cloth_sizes(case, values, gauge)
 
 
@@ -271,8 +274,10 @@ def _gridded(
             given.sort()
     cubes = list({id(owner.cube): owner.cube for owner in kept.values()}.values())
     strains = {strain for case, _ in new.values() for strain in case.applied_strain}
-    cells = [case.cell_grid.count for case, _ in new.values()]
+    cells: list[tuple[int, ...]] = [case.cell_grid.count for case, _ in new.values()]
     for cube in cubes:
+        if cube.nbytes <= BLOCK_BYTES:
+            cube.load()
         strains |= {*cube["applied_strain"].values.tolist()}
         rows = [owner.design.indices for owner in kept.values() if owner.cube is cube]
         at = tuple(np.transpose(rows))
@@ -327,7 +332,7 @@ def _entries_of(
     entries: dict[Labels, Entry] = {}
     for cube in cubes:
         dims = design_dims(cube)
-        there = cube.isel({dim: np.flatnonzero(cube[dim].isin(part[dim])) for dim in dims}).load()
+        there = cube.isel({dim: _indices(cube[dim], part[dim]) for dim in dims}).load()
         arrays = {str(name): array.values for name, array in there.data_vars.items()}
         if gauge and (before := read_gauge(cube.attrs)):
             sizes = {name: arrays[name] for name in (*ALONG_X, *ALONG_Y)}
@@ -338,6 +343,12 @@ def _entries_of(
                 values = {name: array[cell.indices] for name, array in arrays.items()}
                 entries[design] = Entry(values, strains)
     return entries
+
+
+def _indices(labels: xr.DataArray, wanted: xr.DataArray) -> slice | np.ndarray:
+    """Where labels are wanted ones, as a slice if possible, which netCDF reads much faster."""
+    at = np.flatnonzero(labels.isin(wanted))
+    return slice(at[0], at[-1] + 1) if len(at) and at[-1] - at[0] < len(at) else at
 
 
 def _with_entries(part: xr.Dataset, entries: Mapping[Labels, Entry]) -> xr.Dataset:

@@ -57,8 +57,8 @@ class FolderContents:
     damaged: tuple[Path, ...]
 
     @classmethod
-    def read(cls, path: Path) -> "FolderContents":
-        """Read a results folder; InputError if it holds an experiment."""
+    def read(cls, path: Path, others: Sequence["FolderContents"]) -> "FolderContents":
+        """Read a results folder beside others; InputError if it holds an experiment."""
         workflow, dims, parameters = path.name, tuple[str, ...](), dict[str, Any]()
         cube = cube_file.read_cube(path, lazily=True) if (path / CUBE).exists() else None
         if cube is not None:
@@ -72,6 +72,9 @@ class FolderContents:
         if record is not None:
             workflow = record["workflow"]
             dims, parameters = dims or tuple(record["dims"]), parameters or record["parameters"]
+            for other in others:  # shards have one plan, which may take a gigabyte
+                if other.record is not None and other.record["cases"] == record["cases"]:
+                    record["cases"] = other.record["cases"]
         known = results_folder.cube_designs(cube).items()
         designs = {labels: design for labels, design in known if design.has_results}
         names = {*case_file.stored_cases(path)}
@@ -103,7 +106,9 @@ class FolderContents:
 def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = False) -> Merge:
     """Join the files of several folders, see :func:`knitlab.merge`; all is compared before."""
     paths = dict.fromkeys(path.resolve() for each in folders for path in _results_folders(each))
-    sources = [FolderContents.read(path) for path in paths]
+    sources = list[FolderContents]()
+    for path in paths:
+        sources.append(FolderContents.read(path, sources))
     names = {source.workflow: source.path for source in sources}
     if len(names) > 1:
         listed = ", ".join(f"{name} in {path}" for name, path in names.items())
@@ -114,7 +119,7 @@ def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = Fa
         clear_unfinished(target)
         merged = [source for source in sources if source.path != target]
         if _holds_results(target):
-            merged = [FolderContents.read(target), *merged]
+            merged = [FolderContents.read(target, merged), *merged]
         _check_agreement(merged, any_code)
         failures: dict[str, Failure] = {}
         owners: dict[str, Path] = {}

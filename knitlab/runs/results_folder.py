@@ -101,9 +101,10 @@ def case_states(
     for case_id, labels in designs.items():
         design = known.get(labels)
         is_in_cube = design is not None and design.case_id == case_id
-        unchanged = is_in_cube and design.has_results and files.get(case_id, since) < since
+        has_results = design is not None and design.has_results
+        unchanged = is_in_cube and has_results and files.get(case_id, since) < since
         if case_id not in files:
-            is_stale = design is not None and design.has_results and not is_in_cube
+            is_stale = has_results and not is_in_cube
             states[case_id] = CaseState.stale_parameters if is_stale else CaseState.pending
         elif check and not unchanged and not is_undamaged(folder, case_id):
             states[case_id] = CaseState.damaged
