@@ -13,6 +13,8 @@ def _read(file: TrackFile) -> Tracks | None:
         return None
     begins = [line.split(",")[0] for line in file.text.splitlines()[:6]]
     try:
+        if "coords" not in begins:
+            raise ValueError("none of its first rows begins with coords")
         header = list(range(begins.index("coords") + 1))
         table = pd.read_csv(StringIO(file.text), header=header, index_col=0)
         columns = table.apply(pd.to_numeric, errors="raise").to_numpy(float)
