@@ -21,7 +21,7 @@ QUICK = ("import", "query", "compare")
 @pytest.fixture
 def results_folder(tmp_path, monkeypatch):
     """A folder like the repository that already contains the simulation of the tutorial."""
-    (tmp_path / "workflows").symlink_to(ROOT / "workflows")
+    shutil.copytree(ROOT / "workflows", tmp_path / "workflows")
     shutil.copytree(REFERENCE, tmp_path / "results" / "laboratory")
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -228,6 +228,7 @@ def test_a_case_without_end_is_ended(tmp_path, workers, timeout):
     assert not list(tmp_path.glob(".timed-out-*"))
 
 
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers of signals")
 def test_a_time_that_is_over_at_once_ends_with_its_case(tmp_path):
     before = signal.getsignal(signal.SIGALRM)
     run = ran(few_cases(), tmp_path, case_timeout=1e-300)

@@ -84,6 +84,7 @@ def test_subdomains_are_solved_though_a_second_process_dies(sample, divided, mon
     assert all(dead)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="asks for processes by signals")
 def test_a_second_process_ends_when_its_parent_is_killed():
     script = (
         "from knitlab.solvers.equilibrium.domain_decomposition import SecondProcess\n"
