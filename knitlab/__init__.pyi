@@ -13,6 +13,7 @@ from .api.design import design as design
 from .api.export import export as export
 from .api.export import law as law
 from .api.export import plate_stiffness as plate_stiffness
+from .api.export import wear as wear
 from .api.knitting import knit as knit
 from .api.knitting import read_chart as read_chart
 from .api.laboratory import calibrate as calibrate

@@ -15,6 +15,7 @@ from knitlab.cubes.chosen_case import reached_strains, selected_case
 from knitlab.export.meshes import formats
 from knitlab.export.meshes.fabric import fabric_meshes
 from knitlab.export.meshes.surface import SurfaceMesh, solid_of
+from knitlab.io.errors import invalid
 from knitlab.io.names import check_suffix
 from knitlab.model.computing import computing
 from knitlab.observables.schema import STRAIN
@@ -215,6 +216,63 @@ def law(
 
         draw_into(lambda: law_figure(fitted), output)
     return fitted
+
+
+@computing()
+def wear(
+    cube: Cube,
+    limb: str | Path,
+    selections: Mapping[str, Any] = {},
+    *,
+    needles: int | None = None,
+    pressure: float | None = None,
+    length_ratio: float | None = None,
+    **named: Any,
+) -> pd.DataFrame:
+    """Stretch, tension and pressure of a sleeve on a limb, by the law of its fabric.
+
+    The sleeve is knitted in the round, with courses around the limb. Pressure follows from the
+    tension and the circumference (Laplace's law), each height on its own: the taper and the
+    curvature along the limb, friction on the skin and the softness of the limb are left out.
+
+    Args:
+        cube: tests of periodic fabric, as of :func:`knitlab.law`.
+        limb: a table of ``height [mm]`` and ``circumference [mm]``.
+        selections: a value for each coordinate but those of loads, until one design is left.
+        needles: needles around, or
+        pressure: pressure at the narrowest place [mmHg], for which needles of whole unit cells are
+            found.
+        length_ratio: length along the limb over the relaxed one; by default no force acts there.
+        named: further selections, as keywords: ``n_stripe=4``.
+
+    Returns:
+        At every height ``stretch`` around [1], ``length_ratio`` [1], ``tension`` [N/mm],
+        ``pressure`` [kPa] and [mmHg] with the ``error`` of the law, and whether the strain lies
+        ``between`` those that were tested. ``attrs["needles"]`` are those of the sleeve.
+
+    Raises:
+        InputError: as of :func:`knitlab.law`; if the limb cannot be read, or not exactly one of
+            ``needles`` and ``pressure`` is given.
+
+    Example:
+        >>> sleeve = kl.wear("results/reference/law", "docs/examples/calf.csv", pressure=2)
+        >>> sleeve.attrs["needles"]
+        192
+    """
+    from knitlab.export.laws.law import law_of
+    from knitlab.export.laws.sleeve import knit_of, needles_for, read_limb, worn
+    from knitlab.export.laws.strain_tests import rows_of_tests
+
+    if (needles is None) == (pressure is None):
+        raise invalid("needles, pressure", "need exactly one value between them; give one")
+    opened, chosen = as_cube(cube), {**selections, **named}
+    shape = read_limb(Path(limb))
+    knit = knit_of(law_of(opened, chosen), rows_of_tests(opened, chosen).isel(test=0))
+    if needles is None:
+        needles = needles_for(knit, shape, float(pressure or 0), length_ratio)
+    table = worn(knit, shape, needles, length_ratio)
+    table.attrs["needles"] = needles
+    return table
 
 
 def plates_table(plates: xr.Dataset, *, main: bool = False) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""Commands towards a sample: ``design``, ``knit``, ``read``, ``export``."""
+"""Commands towards a sample: ``design``, ``knit``, ``read``, ``export``, ``wear``."""
 
 import sys
 from pathlib import Path
@@ -197,4 +197,24 @@ def export(
     click.echo(f"mesh    {exported.files[0]}")
 
 
-COMMANDS = (design, knit, read, export)
+@click.command()
+@click.argument("cube", type=PATH)
+@option("--limb FILE", "Table of height [mm] and circumference [mm].", FILE, required=True)
+@options.select
+@option("--needles", "Needles around the limb.", COUNT)
+@option("--pressure MMHG", "Pressure at the narrowest place, for which needles are found.", float)
+@option("--length-ratio", "Length along the limb over the relaxed one; free by default.", float)
+@options.table_format
+def wear(cube: Path, limb: Path, selections: dict[str, Any], style: str, **sleeve: Any) -> None:
+    """List stretch, tension and pressure of a sleeve of the fabric of CUBE on a limb.
+
+    The sleeve is knitted in the round, with courses around. CUBE has tests as of the workflow law.
+    Exit code 1 if a place is stretched beyond the tests.
+    """
+    table = kl.wear(cube, limb, selections, **sleeve)
+    options.show(table, style)
+    click.echo(f"needles {table.attrs['needles']}", err=style != "table")
+    options.exit_unless(bool(table["between"].all()))
+
+
+COMMANDS = (design, knit, read, export, wear)

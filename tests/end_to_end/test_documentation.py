@@ -24,12 +24,14 @@ PAGES = [
     "CONTRIBUTING.md",
     *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").rglob("*.md"))),
 ]
-READING_COMMANDS = ("query", "find", "knit", "claims", "export", "plate", "sensing")
+READING_COMMANDS = (
+    *("query", "find", "knit", "claims", "export", "plate", "sensing", "law", "wear"),
+)
 """Commands that only read a cube, whose output can be compared without a simulation."""
 JUDGED = ("small_samples", "stripes", "relaxation", "sensor_stripes", "sensor")
 """Kept cubes that the page of claims judges."""
 LEFT_OUT = "…"
-FILES = ("page ", "figure ", "mesh ", "knitout ", "chart ", "sheet ", "card ")
+FILES = ("page ", "figure ", "mesh ", "knitout ", "chart ", "sheet ", "card ", "law ")
 """What begins a line that names a file."""
 
 

@@ -1,0 +1,130 @@
+"""A sleeve on a limb: stretch, tension and pressure at every height, by the law of its fabric.
+
+The courses run around the limb, x in the law, and the wales along it. Around a circumference C a
+sleeve of natural circumference C0 is stretched to a = C / C0. Along the limb it is free, so that no
+force acts there, or held at a ratio b of its relaxed length. The tension over the length of the
+worn sleeve is T = a S_xx / b, and the pressure on a cylinder of radius C / 2π is p = 2π T / C
+(Laplace).
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from jaxtyping import Float
+from scipy.optimize import brentq
+
+from knitlab.cubes.normalised import require
+from knitlab.export.laws.law import Law
+from knitlab.io.errors import invalid
+from knitlab.io.table_file import read_columns
+
+EXAMPLE = "write it as in 'height [mm],circumference [mm]'"
+MMHG = 133.322e-6  # [N/mm²]
+SIZES = ("knit_cell_x", "relaxed_cell_x", "flat_cell_x")
+LEAST, MOST = 0.3, 3.0  # ratios of worn and relaxed length along the limb that are tried
+
+
+@dataclass(frozen=True, eq=False)
+class Limb:
+    """A limb by its circumferences."""
+
+    height: Float[np.ndarray, " place"]  # [mm]
+    circumference: Float[np.ndarray, " place"]  # [mm]
+
+
+@dataclass(frozen=True, eq=False)
+class Knit:
+    """What a sleeve is made of: the law, and the size of a unit cell around the limb."""
+
+    law: Law
+    wales: int  # needles that a unit cell takes
+    width: float  # of a finished unit cell [mm]
+    force_error: float  # of the law, relative
+
+
+def read_limb(path: Path) -> Limb:
+    """The heights and circumferences of a limb in a table; InputError has every mistake."""
+    columns = read_columns(path, {"height": "mm", "circumference": "mm"}, EXAMPLE).numbers
+    height, around = columns["height"], columns["circumference"]
+    if not (around > 0).all():
+        raise invalid(str(path), f"has a circumference of {around.min():g} mm; give all above 0")
+    return Limb(height, around)
+
+
+def knit_of(law: Law, design: xr.Dataset) -> Knit:
+    """The fabric of a law, with the size of its unit cell in the row of a cube."""
+    require(design, SIZES, "a sleeve")
+    cloth, relaxed, flat = (float(design[name]) for name in SIZES)
+    wales = round(cloth / (relaxed / flat) / design.attrs["gauge_stitch_width"])
+    errors = law.errors
+    known = errors.loc[errors["between"], "force_error_left_out"]
+    return Knit(law, wales, cloth, float(known.max()) if len(known) else math.nan)
+
+
+def worn(knit: Knit, limb: Limb, needles: int, length_ratio: float | None = None) -> pd.DataFrame:
+    """The sleeve of a number of needles at every height of a limb."""
+    natural = needles / knit.wales * knit.width
+    rows = list[dict[str, Any]]()
+    for height, around in zip(limb.height, limb.circumference, strict=True):
+        a = around / natural
+        is_loose = a <= 1
+        b = length_ratio or (1.0 if is_loose else _free_length(knit.law, a))
+        strain = np.array([(a**2 - 1) / 2, (b**2 - 1) / 2, 0.0])
+        tension = 0.0 if is_loose else a * knit.law.stress(strain)[0] / b
+        pressure = 2 * math.pi * tension / around
+        rows.append(
+            {
+                "height": height,
+                "circumference": around,
+                "stretch": a - 1,
+                "length_ratio": b,
+                "tension": tension,
+                "pressure": pressure * 1000,
+                "pressure_mmHg": pressure / MMHG,
+                "error_mmHg": pressure / MMHG * knit.force_error,
+                "between": is_loose or bool(np.isfinite(b) and knit.law.covers(strain)),
+            }
+        )
+    table = pd.DataFrame(rows)
+    table.attrs["units"] = {
+        "height": "mm",
+        "circumference": "mm",
+        "stretch": "1",
+        "length_ratio": "1",
+        "tension": "N/mm",
+        "pressure": "kPa",
+    }
+    return table
+
+
+def needles_for(knit: Knit, limb: Limb, pressure: float, length_ratio: float | None = None) -> int:
+    """Needles, in whole unit cells, whose pressure at the narrowest place is nearest [mmHg]."""
+    place = int(limb.circumference.argmin())
+    narrowest = Limb(limb.height[[place]], limb.circumference[[place]])
+    most = math.ceil(limb.circumference[place] / knit.width)
+    distances = dict[int, float]()
+    for needles in range(knit.wales, (most + 1) * knit.wales, knit.wales):
+        (row,) = worn(knit, narrowest, needles, length_ratio).to_dict("records")
+        if row["between"]:
+            distances[needles] = abs(row["pressure_mmHg"] - pressure)
+    if not distances:
+        message = f"has no sleeve of whole unit cells, of {knit.width:.3g} mm, whose stretch was"
+        around = f"limb, {limb.circumference[place]:g} mm around"
+        raise invalid(around, f"{message} tested; give a cube of smaller cells or larger strains")
+    return min(distances, key=lambda needles: distances[needles])
+
+
+def _free_length(law: Law, around: float) -> float:
+    """The ratio of lengths at which no force acts along the limb; NaN if there is none."""
+
+    def force(along: float) -> float:
+        return float(law.stress([(around**2 - 1) / 2, (along**2 - 1) / 2, 0.0])[1])
+
+    if not force(LEAST) < 0 < force(MOST):
+        return math.nan
+    return float(brentq(force, LEAST, MOST))
