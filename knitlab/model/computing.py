@@ -10,13 +10,10 @@ from functools import cache
 from typing import ClassVar
 
 import jax
-from jax import experimental
 from jax.experimental.compilation_cache import compilation_cache
 
 from knitlab.io.errors import MachineError, Mistake
 from knitlab.model.compiled_programs import cache_flags
-
-precision = jax if hasattr(jax, "enable_x64") else experimental  # before JAX 0.8
 
 
 class _Kept:
@@ -39,7 +36,7 @@ def computing() -> Iterator[None]:
     """
     with ExitStack() as stack:
         for flag in (
-            precision.enable_x64(True),
+            jax.enable_x64(True),
             jax.numpy_dtype_promotion("standard"),
             jax.numpy_rank_promotion("allow"),
             jax.transfer_guard("allow"),

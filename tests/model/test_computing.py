@@ -11,7 +11,7 @@ import pytest
 import knitlab as kl
 from knitlab.io.errors import MachineError
 from knitlab.model import computing as module
-from knitlab.model.computing import computing, precision
+from knitlab.model.computing import computing
 from knitlab.model.threads import Threads
 
 DESIGN = kl.Design(4, 8, boundary="periodic")
@@ -34,7 +34,7 @@ def usual():
 @pytest.mark.parametrize(
     "setting",
     [
-        pytest.param(lambda: precision.enable_x64(False), id="x64"),
+        pytest.param(lambda: jax.enable_x64(False), id="x64"),
         pytest.param(lambda: jax.numpy_rank_promotion("raise"), id="ranks", marks=pytest.mark.slow),
         pytest.param(
             lambda: jax.numpy_dtype_promotion("strict"), id="types", marks=pytest.mark.slow
@@ -52,7 +52,7 @@ def test_no_setting_of_the_user_changes_a_number(setting, usual):
 
 def test_settings_are_put_back_after_an_error():
     before = [getattr(jax.config, name) for name in PROCESS_FLAGS]
-    with precision.enable_x64(False):
+    with jax.enable_x64(False):
         with suppress(ZeroDivisionError), computing():
             inside = jnp.ones(1).dtype
             raise ZeroDivisionError
@@ -62,7 +62,7 @@ def test_settings_are_put_back_after_an_error():
 
 
 def test_every_thread_computes_in_double_precision():
-    with precision.enable_x64(False), computing():
+    with jax.enable_x64(False), computing():
         kinds = Threads(2).each(lambda number: jnp.ones(number).dtype, range(1, 9))
     assert set(kinds) == {np.dtype("float64")}
 

@@ -140,7 +140,6 @@ def test_walls_can_be_left_out_of_the_gradient():
 
 
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="only a processor keeps results")
-@pytest.mark.skipif(jax.__version_info__ < (0, 6, 2), reason="an older XLA computes them twice")
 def test_a_program_computes_what_is_kept_once():
     def squares(numbers):
         return numbers * numbers + 1.0
