@@ -195,8 +195,8 @@ def law(
 
     Example:
         >>> law = kl.law("results/reference/law")
-        >>> law.stress([0.0, 0.1, 0.0]).round(4).tolist()
-        [-0.0048, 0.0153, 0.0]
+        >>> law.stress([0.0, 0.1, 0.0])[:2].round(4).tolist()
+        [-0.0048, 0.0141]
         >>> bool(law.covers([0.05, 0.1, 0.0]))
         True
     """

@@ -7,7 +7,6 @@ from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import dask
 import netCDF4
 import numpy as np
 import xarray as xr
@@ -147,6 +146,8 @@ def write_cube(cube: xr.Dataset, path: Path, sources: Iterable[xr.Dataset] = ())
     Returns:
         The cube, or one that reads the new file if it is one of dask.
     """
+    import dask  # not for who only reads
+
     cube, encoding = schema.described(cube), schema.encoding(cube)
     with (
         atomic_write(path) as temporary,

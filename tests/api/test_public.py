@@ -10,7 +10,6 @@ import pytest
 
 import knitlab
 from knitlab.cubes.query import KnitlabAccessor
-from knitlab.model.computing import precision
 from knitlab.runs.figure_names import FIGURE_NAMES
 
 PUBLIC = {name: getattr(knitlab, name) for name in knitlab.__all__ if not name.startswith("_")}
@@ -58,7 +57,7 @@ def test_examples_run_in_double_precision_whatever_jax_is_set_to(
     monkeypatch.chdir(knitlab.__path__[0] + "/..")
     example.globs = {"folder": tmp_path, "kl": knitlab}
     caplog.set_level(logging.DEBUG, "jax")
-    with precision.enable_x64(False), jax.log_compiles():
+    with jax.enable_x64(False), jax.log_compiles():
         failed = doctest.DocTestRunner(verbose=False).run(example).failed
     assert not failed
     assert not [each.getMessage() for each in caplog.records if "float32" in each.getMessage()]
