@@ -202,10 +202,12 @@ def law(
     """
     from knitlab.export.laws.law import law_of
     from knitlab.export.laws.law_files import FORMATS
+    from knitlab.export.laws.strain_tests import rows_of_tests
 
     if output is not None:
         check_suffix(output := Path(output), (*FORMATS, *FIGURE_SUFFIXES), "a law or a figure")
-    fitted = law_of(as_cube(cube), {**selections, **named})
+    opened = as_cube(cube)
+    fitted = law_of(opened, rows_of_tests(opened, {**selections, **named}))
     if output is None:
         return fitted
     if output.suffix.lower() in FORMATS:
@@ -265,9 +267,9 @@ def wear(
 
     if (needles is None) == (pressure is None):
         raise invalid("needles, pressure", "need exactly one value between them; give one")
-    opened, chosen = as_cube(cube), {**selections, **named}
-    shape = read_limb(Path(limb))
-    knit = knit_of(law_of(opened, chosen), rows_of_tests(opened, chosen).isel(test=0))
+    opened, shape = as_cube(cube), read_limb(Path(limb))
+    rows = rows_of_tests(opened, {**selections, **named})
+    knit = knit_of(law_of(opened, rows), rows.isel(test=0))
     if needles is None:
         needles = needles_for(knit, shape, float(pressure or 0), length_ratio)
     table = worn(knit, shape, needles, length_ratio)

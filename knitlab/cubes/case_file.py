@@ -132,17 +132,22 @@ def in_cloth(case: xr.Dataset, design: xr.Dataset) -> xr.Dataset:
     All directions are scaled alike, so that folds keep their angles, by the root of the ratio of
     areas. A design without sizes in cloth, such as a pure stripe, keeps those of its network.
     """
-    names = ("knit_cell_x", "knit_cell_y", "relaxed_cell_x", "relaxed_cell_y")
-    if LENGTH_FACTOR in case.attrs or not set(names) <= set(design):
+    factor = length_factor(design)
+    if LENGTH_FACTOR in case.attrs or factor is None:
         return case
-    cloth_x, cloth_y, network_x, network_y = (float(design[name]) for name in names)
-    areas = cloth_x * cloth_y / (network_x * network_y)
-    if not 0 < areas < math.inf:
-        return case
-    factor = math.sqrt(areas)
     with xr.set_options(keep_attrs=True):
         scaled = {name: factor * case[name] for name in SHAPES if name in case}
     return case.assign(scaled).assign_attrs({LENGTH_FACTOR: factor})
+
+
+def length_factor(design: xr.Dataset) -> float | None:
+    """Millimetres of cloth per millimetre of the network; None if a design of a cube has none."""
+    names = ("knit_cell_x", "knit_cell_y", "relaxed_cell_x", "relaxed_cell_y")
+    if not set(names) <= set(design):
+        return None
+    cloth_x, cloth_y, network_x, network_y = (float(design[name]) for name in names)
+    areas = cloth_x * cloth_y / (network_x * network_y)
+    return math.sqrt(areas) if 0 < areas < math.inf else None
 
 
 def length_unit(case: xr.Dataset) -> str:

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.export.laws.fitting import predicted
-from knitlab.export.laws.strain_tests import A, B, C
+from knitlab.export.laws.strain_tests import A, B, C, ratio_of_pull
 from knitlab.figures.style import MARKERS, SEQUENCE_COLOURS, TWO_COLUMNS, shades
 
 if TYPE_CHECKING:
@@ -35,8 +35,8 @@ def law_figure(law: "Law") -> Figure:
                     axes.plot(applied, test.force[:, part], label=label, **dots)
                     axes.plot(applied, force[:, part], line, color=colour, lw=0.9)
             if test.is_pull:
-                ratios.plot(applied, test.poisson_ratio(test.stretch), **dots)
-                ratios.plot(applied, test.poisson_ratio(stretch), color=colour, lw=0.9)
+                ratios.plot(applied, ratio_of_pull(test.stretch), **dots)
+                ratios.plot(applied, ratio_of_pull(stretch), color=colour, lw=0.9)
             over.plot(
                 *test.strain[:, :2].T, **(dots | {"color": "white", "ms": 2, "clip_on": False})
             )

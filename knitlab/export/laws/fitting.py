@@ -5,14 +5,15 @@ predict, most of them are 0, and there is nothing to tune.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import nnls, root
 
 from knitlab.export.laws.ridge_law import RidgeLaw, Ridges
-from knitlab.export.laws.strain_tests import Strain, StrainTest, axes_at, strain_of
+from knitlab.export.laws.strain_tests import StrainTest, axes_at, strain_of
 
 DIRECTIONS, RINGS = 24, 4  # in the plane of the normal strains; from there to the shear
 OFFSETS = 31  # from minus the largest strain of all tests to it, closer near 0
@@ -43,33 +44,37 @@ def fitted(
     """The law that comes closest to stresses and energies of tests, and to a stiffness at rest."""
     largest = max(float(np.abs(test.strain).max()) for test in tests)
     ridges = ridges_over(largest)
-    twins = ridges.mirrored() if mirrored else None
+    twins = ridges.mirrored()
+
+    def both(part: Callable[[Ridges], np.ndarray]) -> np.ndarray:
+        """What each ridge of weight 1 gives, with its twin."""
+        return part(ridges) + part(twins) if mirrored else part(ridges)
+
     rows, wanted = list[np.ndarray](), list[np.ndarray]()
     for test in tests:
-        stress, energy = test.stress[1:], test.energy[1:]
+        strain, stress, energy = test.strain[1:], test.stress[1:], test.energy[1:]
         strength = np.linalg.norm(stress, axis=-1)
         scale = 1 / np.maximum(strength, FLOOR * strength.max())
-        rows.append(_stresses(ridges, twins, test.strain[1:]) * scale[:, None, None])
+        rows.append(both(partial(Ridges.stresses, strain=strain)) * scale[:, None, None])
         wanted.append(stress * scale[:, None])
         scale = 1 / np.maximum(energy, FLOOR * energy.max())
-        energies = ridges.energies(test.strain[1:])
-        energies = energies + twins.energies(test.strain[1:]) if twins else energies
-        rows.append(energies * scale[:, None])
+        rows.append(both(partial(Ridges.energies, strain=strain)) * scale[:, None])
         wanted.append(energy * scale)
     if stiffness is not None:
         scale = len(tests) / np.linalg.norm(stiffness)
-        rows.append(scale * _tangents_at_rest(ridges, twins))
+        rows.append(scale * both(partial(Ridges.tangents, strain=np.zeros(3))))
         wanted.append(scale * stiffness)
     matrix = np.concatenate([each.reshape(-1, len(ridges.offsets)) for each in rows])
     norms = np.linalg.norm(matrix, axis=0)
     vector = np.concatenate([each.ravel() for each in wanted])
     weights = nnls(matrix / norms, vector, maxiter=100 * len(norms))[0] / norms
     used = weights > 0
-    if twins is None:
-        return RidgeLaw(_chosen(ridges, used), weights[used])
-    both = [_chosen(each, used) for each in (ridges, twins)]
-    directions = np.concatenate([each.directions for each in both])
-    offsets = np.concatenate([each.offsets for each in both])
+    chosen = _chosen(ridges, used)
+    if not mirrored:
+        return RidgeLaw(chosen, weights[used])
+    pair = chosen, chosen.mirrored()
+    directions = np.concatenate([each.directions for each in pair])
+    offsets = np.concatenate([each.offsets for each in pair])
     return RidgeLaw(Ridges(directions, offsets, ridges.width), np.tile(weights[used], 2))
 
 
@@ -102,19 +107,6 @@ def _forces(law: RidgeLaw, stretch: np.ndarray, angle: float) -> np.ndarray:
     (s_11, s_12), (_, s_22) = axes.T @ np.array([[xx, xy], [xy, yy]]) @ axes
     a, b, c = stretch
     return np.array([s_11 * a + s_12 * c, s_22 * b, s_12 * a + s_22 * c])
-
-
-def _stresses(ridges: Ridges, twins: Ridges | None, strain: Strain) -> np.ndarray:
-    """Stress of each ridge of weight 1, with its twin."""
-    stresses = ridges.slopes(strain)[:, None, :] * ridges.directions.T
-    return stresses if twins is None else stresses + _stresses(twins, None, strain)
-
-
-def _tangents_at_rest(ridges: Ridges, twins: Ridges | None) -> np.ndarray:
-    """Tangent at rest of each ridge of weight 1, with its twin."""
-    products = np.einsum("ja,jb->abj", ridges.directions, ridges.directions)
-    tangents = ridges.curvatures(np.zeros(3)) * products
-    return tangents if twins is None else tangents + _tangents_at_rest(twins, None)
 
 
 def _chosen(ridges: Ridges, which: Bool[np.ndarray, " ridge"]) -> Ridges:

@@ -1,6 +1,6 @@
 """The law of a fabric: fitted to its tests, judged by those that were left out, and written."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +19,13 @@ from knitlab.cubes.model_line import model_line
 from knitlab.export.laws.fitting import fitted, predicted
 from knitlab.export.laws.law_files import FORMATS
 from knitlab.export.laws.ridge_law import MIRROR, RidgeLaw
-from knitlab.export.laws.strain_tests import Strain, StrainTest, Stress, rows_of_tests, strain_tests
+from knitlab.export.laws.strain_tests import (
+    Strain,
+    StrainTest,
+    Stress,
+    ratio_of_pull,
+    strain_tests,
+)
 from knitlab.export.plates.plate_stiffness import STATUS, case_plates
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import InputError, invalid
@@ -88,14 +94,16 @@ class Law:
 
     def covers(self, strain: ArrayLike) -> Bool[np.ndarray, "*state"]:
         """Whether strains lie between those of the tests; beyond them the law is a guess."""
-        return _between(self.tests, self.mirrored, np.asarray(strain, float))
+        return _inside(self._hull, np.asarray(strain, float))
+
+    @cached_property
+    def _hull(self) -> Delaunay | None:
+        return _hull(self.tests, self.mirrored)
 
     @property
     def range(self) -> tuple[np.ndarray, np.ndarray]:
         """The lowest and the highest strain of all tests [1]."""
-        points = np.concatenate([test.strain for test in self.tests])
-        if self.mirrored:
-            points = np.concatenate([points, points * MIRROR])
+        points = _strains(self.tests, self.mirrored)
         return points.min(axis=0), points.max(axis=0)
 
     @cached_property
@@ -112,7 +120,8 @@ class Law:
             row: dict[str, Any] = {"test": test.label}
             for name, law in (("", self.ridges), ("_left_out", without)):
                 row[f"force_error{name}"], row[f"ratio_error{name}"] = _errors(law, test)
-            row["between"] = bool(_between(others, self.mirrored, test.strain).mean() > MOST)
+            enclosed = _inside(_hull(others, self.mirrored), test.strain)
+            row["between"] = bool(enclosed.mean() > MOST)
             rows.append(row)
         return pd.DataFrame(rows)
 
@@ -131,9 +140,8 @@ class Law:
         return path
 
 
-def law_of(cube: xr.Dataset, selections: Mapping[str, Any]) -> Law:
-    """The law of the one design of a cube that selections leave."""
-    rows = rows_of_tests(cube, selections)
+def law_of(cube: xr.Dataset, rows: xr.Dataset) -> Law:
+    """The law of the tests of one design of a cube, by their rows."""
     tests = strain_tests(rows)
     if len(tests) < FEWEST_TESTS:
         message = f"has {len(tests)} tests of this design; a law needs {FEWEST_TESTS}"
@@ -161,15 +169,23 @@ def _plate(cube: xr.Dataset, rows: xr.Dataset) -> Plate | None:
     return Plate(float(state[STRAIN]), *matrices)
 
 
-def _between(tests: Sequence[StrainTest], mirrored: bool, strain: Strain) -> np.ndarray:
-    """Whether strains lie between those of tests."""
+def _strains(tests: Sequence[StrainTest], mirrored: bool) -> Float[np.ndarray, "state 3"]:
+    """The strains of tests, and of their mirror images."""
     points = np.concatenate([test.strain for test in tests])
-    if mirrored:
-        points = np.concatenate([points, points * MIRROR])
+    return np.concatenate([points, points * MIRROR]) if mirrored else points
+
+
+def _hull(tests: Sequence[StrainTest], mirrored: bool) -> Delaunay | None:
+    """What lies between the strains of tests; None if all lie in a plane."""
     try:
-        hull = Delaunay(points)
-    except QhullError:  # all lie in a plane
-        return np.zeros(np.shape(strain)[:-1], bool)
+        return Delaunay(_strains(tests, mirrored))
+    except QhullError:
+        return None
+
+
+def _inside(hull: Delaunay | None, strain: Strain) -> Bool[np.ndarray, "*state"]:
+    if hull is None:
+        return np.zeros(strain.shape[:-1], bool)
     return hull.find_simplex(strain) >= 0
 
 
@@ -181,5 +197,5 @@ def _errors(law: RidgeLaw, test: StrainTest) -> tuple[float, float]:
     of_force = float((missed / np.maximum(size, WEAK * size.max())).max())
     if not test.is_pull:
         return of_force, np.nan
-    difference = test.poisson_ratio(stretch) - test.poisson_ratio(test.stretch)
+    difference = ratio_of_pull(stretch) - ratio_of_pull(test.stretch)
     return of_force, float(np.nanmax(np.abs(difference)))

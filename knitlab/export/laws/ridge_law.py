@@ -57,6 +57,15 @@ class Ridges:
         """Second derivative of the energy of every ridge along its direction."""
         return ramp_curvature(strain @ self.directions.T - self.offsets, self.width)
 
+    def stresses(self, strain: Strain) -> Float[np.ndarray, "*state 3 ridge"]:
+        """Stress of every ridge."""
+        return self.slopes(strain)[..., None, :] * self.directions.T
+
+    def tangents(self, strain: Strain) -> Float[np.ndarray, "*state 3 3 ridge"]:
+        """Tangent of every ridge."""
+        products = np.einsum("ja,jb->abj", self.directions, self.directions)
+        return self.curvatures(strain)[..., None, None, :] * products
+
     def mirrored(self) -> "Ridges":
         """Their twins for the opposite shear."""
         return Ridges(self.directions * MIRROR, self.offsets, self.width)

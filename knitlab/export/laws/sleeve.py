@@ -68,29 +68,10 @@ def knit_of(law: Law, design: xr.Dataset) -> Knit:
 
 def worn(knit: Knit, limb: Limb, needles: int, length_ratio: float | None = None) -> pd.DataFrame:
     """The sleeve of a number of needles at every height of a limb."""
-    natural = needles / knit.wales * knit.width
-    rows = list[dict[str, Any]]()
-    for height, around in zip(limb.height, limb.circumference, strict=True):
-        a = around / natural
-        is_loose = a <= 1
-        b = length_ratio or (1.0 if is_loose else _free_length(knit.law, a))
-        strain = np.array([(a**2 - 1) / 2, (b**2 - 1) / 2, 0.0])
-        tension = 0.0 if is_loose else a * knit.law.stress(strain)[0] / b
-        pressure = 2 * math.pi * tension / around
-        rows.append(
-            {
-                "height": height,
-                "circumference": around,
-                "stretch": a - 1,
-                "length_ratio": b,
-                "tension": tension,
-                "pressure": pressure * 1000,
-                "pressure_mmHg": pressure / MMHG,
-                "error_mmHg": pressure / MMHG * knit.force_error,
-                "between": is_loose or bool(np.isfinite(b) and knit.law.covers(strain)),
-            }
-        )
-    table = pd.DataFrame(rows)
+    table = pd.DataFrame(
+        {"height": height} | _place(knit, around, needles, length_ratio)
+        for height, around in zip(limb.height, limb.circumference, strict=True)
+    )
     table.attrs["units"] = {
         "height": "mm",
         "circumference": "mm",
@@ -104,19 +85,37 @@ def worn(knit: Knit, limb: Limb, needles: int, length_ratio: float | None = None
 
 def needles_for(knit: Knit, limb: Limb, pressure: float, length_ratio: float | None = None) -> int:
     """Needles, in whole unit cells, whose pressure at the narrowest place is nearest [mmHg]."""
-    place = int(limb.circumference.argmin())
-    narrowest = Limb(limb.height[[place]], limb.circumference[[place]])
-    most = math.ceil(limb.circumference[place] / knit.width)
+    around = float(limb.circumference.min())
     distances = dict[int, float]()
-    for needles in range(knit.wales, (most + 1) * knit.wales, knit.wales):
-        (row,) = worn(knit, narrowest, needles, length_ratio).to_dict("records")
-        if row["between"]:
-            distances[needles] = abs(row["pressure_mmHg"] - pressure)
+    for cells in range(1, math.ceil(around / knit.width) + 1):
+        place = _place(knit, around, cells * knit.wales, length_ratio)
+        if place["between"]:
+            distances[cells * knit.wales] = abs(place["pressure_mmHg"] - pressure)
     if not distances:
         message = f"has no sleeve of whole unit cells, of {knit.width:.3g} mm, whose stretch was"
-        around = f"limb, {limb.circumference[place]:g} mm around"
-        raise invalid(around, f"{message} tested; give a cube of smaller cells or larger strains")
+        hint = "tested; give a cube of smaller cells or larger strains"
+        raise invalid(f"limb, {around:g} mm around", f"{message} {hint}")
     return min(distances, key=lambda needles: distances[needles])
+
+
+def _place(knit: Knit, around: float, needles: int, length_ratio: float | None) -> dict[str, Any]:
+    """The sleeve at a circumference."""
+    a = around / (needles / knit.wales * knit.width)
+    is_loose = a <= 1
+    b = length_ratio or (1.0 if is_loose else _free_length(knit.law, a))
+    strain = np.array([(a**2 - 1) / 2, (b**2 - 1) / 2, 0.0])
+    tension = 0.0 if is_loose else a * knit.law.stress(strain)[0] / b
+    pressure = 2 * math.pi * tension / around
+    return {
+        "circumference": around,
+        "stretch": a - 1,
+        "length_ratio": b,
+        "tension": tension,
+        "pressure": pressure * 1000,
+        "pressure_mmHg": pressure / MMHG,
+        "error_mmHg": pressure / MMHG * knit.force_error,
+        "between": is_loose or bool(np.isfinite(b) and knit.law.covers(strain)),
+    }
 
 
 def _free_length(law: Law, around: float) -> float:

@@ -16,11 +16,13 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
+from knitlab.cubes.case_file import length_factor
 from knitlab.cubes.cube_file import cube_name, design_dims
 from knitlab.cubes.normalised import require
 from knitlab.cubes.selection import choices, select
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import STRAIN
+from knitlab.observables.unit_cells import poisson_ratio_of_test
 
 A, B, C = range(3)
 NEEDED = ("mean_strain_xx", "mean_strain_yy", "reaction_force", "relaxed_cell_x", "relaxed_cell_y")
@@ -66,15 +68,16 @@ class StrainTest:
         """Whether it has a Poisson's ratio: one direction is pulled, with free sides."""
         return self.prescribed == (B,)
 
-    def poisson_ratio(self, stretch: Float[np.ndarray, "state 3"]) -> Float[np.ndarray, " state"]:
-        """ν of a pull: contraction of the first axis over the applied strain."""
-        return _ratio(1 - stretch[:, A], stretch[:, B] - 1)
-
 
 def axes_at(angle: float) -> Float[np.ndarray, "2 2"]:
     """The axes of a pull at an angle from the courses [degree], as columns."""
     cos, sin = math.cos(math.radians(angle)), math.sin(math.radians(angle))
     return np.array([[sin, cos], [-cos, sin]])
+
+
+def ratio_of_pull(stretch: Float[np.ndarray, "state 3"]) -> Float[np.ndarray, " state"]:
+    """ν of a pull, along the second axis of its test."""
+    return poisson_ratio_of_test(stretch[:, A] - 1, stretch[:, B] - 1)
 
 
 def strain_of(stretch: Float[np.ndarray, "*state 3"], angle: float) -> Strain:
@@ -135,7 +138,7 @@ def _test(row: xr.Dataset) -> StrainTest:
     width = float(row["relaxed_cell_x"] * row["unit_cells_x"])
     height = float(row["relaxed_cell_y"] * row["unit_cells_y"])
     along, across = curve("reaction_force"), curve("reaction_force_across")
-    angle = float(row.get("load_direction", 90.0))
+    angle = float(row["load_direction"].fillna(90)) if "load_direction" in row else 90.0
     stretch = stretch_along(gradient, angle)
     force = np.zeros_like(stretch)
     is_pull = np.abs(stretch[reached, B] - 1 - applied[reached]).max(initial=0) < SAME
@@ -152,10 +155,7 @@ def _test(row: xr.Dataset) -> StrainTest:
         force[:, C], prescribed, label = along / width, (C,), "shear"
     energy = sum(map(curve, ENERGIES), np.zeros(len(applied)))
     energy = (energy - energy[0]) / (width * height)
-    factor = 1.0  # mm of cloth over mm of network, alike along both sides
-    if {"knit_cell_x", "knit_cell_y"} <= {*row}:
-        cloth = float(row["knit_cell_x"] * row["knit_cell_y"])
-        factor = math.sqrt(cloth / float(row["relaxed_cell_x"] * row["relaxed_cell_y"]))
+    factor = length_factor(row) or 1.0
     return StrainTest(
         label,
         angle,
@@ -169,7 +169,3 @@ def _test(row: xr.Dataset) -> StrainTest:
 def _components(tensor: Float[np.ndarray, "*state 2 2"], shear: float) -> np.ndarray:
     components = [tensor[..., 0, 0], tensor[..., 1, 1], shear * tensor[..., 0, 1]]
     return np.stack(components, axis=-1)
-
-
-def _ratio(above: np.ndarray, below: np.ndarray) -> np.ndarray:
-    return np.divide(above, below, out=np.full_like(above, np.nan), where=np.abs(below) > SAME)

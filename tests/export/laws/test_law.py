@@ -165,6 +165,16 @@ def test_a_table_has_the_stress_over_the_strains_of_the_tests(law, tmp_path):
     assert 0 < table["between tests"].mean() < 1
 
 
+def test_a_pull_along_the_wales_has_no_direction_of_its_own_and_is_the_same_test():
+    rows = rows_of_tests(kl.open_cube(LAW), {})
+    unnamed = rows["load_direction"].where(rows["load_direction"] != 90)
+    for test, other in zip(
+        strain_tests(rows), strain_tests(rows.assign(load_direction=unnamed)), strict=True
+    ):
+        assert test.label == other.label
+        np.testing.assert_array_equal(test.stress, other.stress)
+
+
 def test_what_gives_no_law_is_refused(tmp_path):
     with refused("n_stripe", "select"):
         kl.law(PREVIEW)
