@@ -174,7 +174,7 @@ def _joined(
     plan = joined_plan(records, str(target))
     plan.write(target / PLAN)
     known = {labels: owner.design for labels, owner in owners(cubes).items()}
-    states = results_folder.case_states(plan.designs, target, known, check=False)
+    states = results_folder.case_states(plan.designs, target, known, results_folder.Check.none)
     return build_cube(plan, target, cubes, states, results_folder.failed_cases(failures))
 
 

@@ -39,6 +39,14 @@ class CaseState(Enum):
     damaged = "damaged"
 
 
+class Check(Enum):
+    """Which case files are compared with their checksums."""
+
+    none = "none"
+    changed = "those that changed since the cube was written, or have no results in it"
+    all = "all"
+
+
 class CubeDesign(NamedTuple):
     """A design of a cube: its indices, its case, and the model that computed it."""
 
@@ -67,12 +75,6 @@ def cube_designs(cube: xr.Dataset | None) -> dict[Labels, CubeDesign]:
     return designs
 
 
-def checked_until(folder: Path) -> float:
-    """When the cube of a folder was written, before which all its case files were checked [s]."""
-    path = folder / CUBE
-    return path.stat().st_mtime if path.exists() else 0.0
-
-
 def doubt(folder: Path, cases: Iterable[str]) -> None:
     """Have the next run check some case files again, as it checks those newer than the cube."""
     for case_id in cases:
@@ -90,14 +92,12 @@ def case_states(
     designs: Mapping[str, Labels],
     folder: Path,
     known: Mapping[Labels, CubeDesign],
-    check: bool,
-    since: float = 0.0,
+    check: Check,
 ) -> dict[str, CaseState]:
-    """State of every planned case; ``check`` compares case files with their checksums.
-
-    Those with results in the cube are only compared if they have changed ``since`` a time [s].
-    """
-    files, states = stored_cases(folder), {}
+    """State of every planned case."""
+    files, states, cube = stored_cases(folder), {}, folder / CUBE
+    # Before the cube was written, all its case files were checked.
+    since = cube.stat().st_mtime if check is Check.changed and cube.exists() else 0.0
     for case_id, labels in designs.items():
         design = known.get(labels)
         is_in_cube = design is not None and design.case_id == case_id
@@ -106,7 +106,7 @@ def case_states(
         if case_id not in files:
             is_stale = has_results and not is_in_cube
             states[case_id] = CaseState.stale_parameters if is_stale else CaseState.pending
-        elif check and not unchanged and not is_undamaged(folder, case_id):
+        elif check is not Check.none and not unchanged and not is_undamaged(folder, case_id):
             states[case_id] = CaseState.damaged
         else:
             code = design.code if design and is_in_cube else ""

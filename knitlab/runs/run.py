@@ -28,9 +28,9 @@ from knitlab.runs.results_folder import (
     FAILURES,
     PLAN,
     CaseState,
+    Check,
     Failure,
     case_states,
-    checked_until,
     cube_designs,
     earlier_failures,
     stored_statuses,
@@ -162,8 +162,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
                 clear_unfinished(results)
                 plan.write(results / PLAN)
         in_cube = cube_designs(old)
-        checked = checked_until(results)
-        states = case_states(share.designs, results, in_cube, check=True, since=checked)
+        states = case_states(share.designs, results, in_cube, Check.changed)
         wanted = {CaseState.pending, CaseState.damaged}
         unconverged = set[str]()
         if options.refresh:
@@ -197,8 +196,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
                 if joined:
                     # Others may have written the cube while this shard was running.
                     now = previous_cube(plan, results / CUBE)
-                    in_cube, checked = cube_designs(now), checked_until(results)
-                    after = case_states(plan.designs, results, in_cube, check=True, since=checked)
+                    after = case_states(plan.designs, results, cube_designs(now), Check.changed)
                     _join(plan, results, now, after, done)
     changed = () if old is None else differences(parameters_of(old), plan.common)
     return Run(

@@ -18,10 +18,10 @@ from knitlab.io.provenance import package_digest
 from knitlab.observables.status import Status
 from knitlab.runs.results_folder import (
     CaseState,
+    Check,
     Labels,
     case_states,
     changed_inputs,
-    checked_until,
     cube_designs,
     earlier_failures,
     label_text,
@@ -109,7 +109,8 @@ def folder_status(
     statuses = {}
     failures = {case_id: entry["reason"] for case_id, entry in earlier_failures(folder).items()}
     in_cube = {each.case_id: each.status.name for each in known.values()}
-    for case_id, state in case_states(designs, folder, known, check).items():
+    checked = Check.all if check else Check.none
+    for case_id, state in case_states(designs, folder, known, checked).items():
         if state is CaseState.done:
             statuses[case_id] = in_cube.get(case_id, "done, not yet in the cube")
         elif state is CaseState.pending and case_id in failures:
@@ -137,7 +138,6 @@ def finished_plan(
             known = cube_designs(cube)
             ok = {each.case_id for each in known.values() if each.status is Status.ok}
             if designs.keys() <= ok:
-                checked = checked_until(folder)
-                states = case_states(designs, folder, known, check=True, since=checked)
+                states = case_states(designs, folder, known, Check.changed)
                 return (record, cube) if set(states.values()) == {CaseState.done} else None
     return None
