@@ -1,11 +1,11 @@
 """Benchmark of large sweeps: ``python -m benchmarks.large_sweep`` in the repository.
 
 It plans a sweep of ten designs and many factors of k_t and k_s, has it simulated in 40 shards in
-four folders, merges these, builds the cube of the whole from the case files, and asks for what
-users ask then. Every step is a process of its own, of which the system counts processor time, wall
-time and memory. The last shard of each folder is run; the files of the others are written at once,
-as 40 plans of one sweep show nothing that four do not. The only stand-in is that of the
-simulation: it writes the arrays of one real case, with other numbers, under the name of each case.
+four folders, merges these, builds the cube of the whole from the case files, and then asks what
+users ask. Each step runs as a separate process, and the system counts its processor time, wall time
+and memory. Only the last shard of each folder is run: 40 plans of one sweep would show nothing that
+four do not. The simulation alone is replaced, by writing the arrays of one real case with other
+numbers under the name of each case.
 """
 
 import math

@@ -176,7 +176,7 @@ def law(
 
     The energy is a sum of convex functions of one combination of strains each, with weights by
     least squares that are not negative: it is stable at every strain. Forces are its exact
-    derivatives. With the case files beside the cube, energies of curvature are those of the plate.
+    derivatives. If the cube has its case files, the energy of curvature is that of the plate.
 
     Args:
         cube: tests of periodic fabric: pulled at several angles or both ways, sheared; the workflow

@@ -160,7 +160,7 @@ def run(
 @option("--cores", "Cores of each part.", COUNT, default=1)
 @repeatable(
     "--sbatch KEY=VALUE",
-    "An option of sbatch, as partition=short, in place of what the plan estimates.",
+    "An option of sbatch, such as partition=short; it replaces an estimate.",
 )
 @flag("--dry-run", "Only write the script.")
 @of_parts

@@ -140,13 +140,13 @@ def write_cube(cube: xr.Dataset, path: Path, sources: Iterable[xr.Dataset] = ())
 
     Args:
         cube: a cube; one of dask is written block by block.
-        path: where to write it, maybe in place of one of its sources.
+        path: where to write it; it may be the file of a source.
         sources: cubes that it is made from, whose files are closed.
 
     Returns:
         The cube, or one that reads the new file if it is one of dask.
     """
-    import dask  # not for who only reads
+    import dask  # reading does not need it
 
     cube, encoding = schema.described(cube), schema.encoding(cube)
     with (

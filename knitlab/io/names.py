@@ -15,7 +15,8 @@ WINDOWS = r"(?i:con|prn|aux|nul|(com|lpt)\d)(\.|\Z)"  # devices, which cannot be
 NAME = re.compile(rf"(?=.{{1,{MAX_NAME}}}\Z)(?!{WINDOWS})\w(?:[\w .-]*[\w-])?")
 RULE = (
     f"is not a name of at most {MAX_NAME} letters, digits, '.', '_', '-' and spaces, which begins"
-    " with a letter or a digit and is no device of Windows, as con; choose another name"
+    " with a letter or a digit and is not the name of a Windows device, such as con; choose another"
+    " name"
 )
 CONTROLS = {code: f"\\x{code:02x}" for code in {*range(32), *range(127, 160)} - {*b"\t"}}
 CONTROLS |= {0x2028: "\\u2028", 0x2029: "\\u2029"}

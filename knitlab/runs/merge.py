@@ -58,7 +58,7 @@ class FolderContents:
 
     @classmethod
     def read(cls, path: Path, others: Sequence["FolderContents"]) -> "FolderContents":
-        """Read a results folder beside others; InputError if it holds an experiment."""
+        """Read a results folder after others; InputError if it holds an experiment."""
         workflow, dims, parameters = path.name, tuple[str, ...](), dict[str, Any]()
         cube = cube_file.read_cube(path, lazily=True) if (path / CUBE).exists() else None
         if cube is not None:

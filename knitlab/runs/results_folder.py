@@ -76,7 +76,7 @@ def cube_designs(cube: xr.Dataset | None) -> dict[Labels, CubeDesign]:
 
 
 def doubt(folder: Path, cases: Iterable[str]) -> None:
-    """Have the next run check some case files again, as it checks those newer than the cube."""
+    """Make some case files newer than the cube, so that the next run checks them."""
     for case_id in cases:
         case_path(folder, case_id).touch()
 

@@ -58,7 +58,7 @@ class Law:
         ridges: the energy density, see ``docs/how-to/law.md``.
         tests: the tests that it is fitted to.
         mirrored: whether the fabric is its own mirror image.
-        model: of which model the tests are.
+        model: the model behind the tests, in one line.
         plate: the fabric as a plate at its smallest strain that has one; if that is 0, the tangent
             at rest is fitted to it.
     """

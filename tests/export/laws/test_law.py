@@ -167,10 +167,9 @@ def test_a_table_has_the_stress_over_the_strains_of_the_tests(law, tmp_path):
 
 def test_a_pull_along_the_wales_has_no_direction_of_its_own_and_is_the_same_test():
     rows = rows_of_tests(kl.open_cube(LAW), {})
-    unnamed = rows["load_direction"].where(rows["load_direction"] != 90)
-    for test, other in zip(
-        strain_tests(rows), strain_tests(rows.assign(load_direction=unnamed)), strict=True
-    ):
+    unnamed = rows.copy(deep=True)
+    unnamed["load_direction"].values[rows["load_direction"] == 90] = np.nan
+    for test, other in zip(strain_tests(rows), strain_tests(unnamed), strict=True):
         assert test.label == other.label
         np.testing.assert_array_equal(test.stress, other.stress)
 

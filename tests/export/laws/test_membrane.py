@@ -1,4 +1,4 @@
-"""A rectangle of a membrane with the law of a fabric, beside a sample of its whole network."""
+"""A rectangle of membrane that obeys the law of a fabric, compared with a sample of its network."""
 
 import numpy as np
 import pytest
