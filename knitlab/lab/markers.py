@@ -16,13 +16,12 @@ from knitlab.lab.tracks.checks import without_implausible
 from knitlab.lab.tracks.grid import MarkerGrid, NoGrid, find_grid, placed_grid
 from knitlab.lab.tracks.reading import read_tracks
 from knitlab.lab.tracks.track_file import Trajectories, whole_numbers
+from knitlab.observables.poisson_ratio import lowest_poisson_ratio, poisson_ratio_of_test
 from knitlab.observables.unit_cells import (
     central_mean,
     lattice_vectors,
     local_strain,
-    lowest_poisson_ratio,
     mean_cell_size,
-    poisson_ratio_of_test,
 )
 
 Vector = Float[np.ndarray, "2"]

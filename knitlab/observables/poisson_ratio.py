@@ -3,17 +3,40 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jaxtyping import Float
 
 from knitlab.observables.observable import curve, number, observable
 
 if TYPE_CHECKING:
-    from jaxtyping import Float
-
     from knitlab.observables.finished_test import FinishedTest
 
 MIN_FOLLOWED = 0.2
 """Axial strain of the central cells over the applied strain below which they have no Poisson's
 ratio: a sample that is pulled before it is at rest still contracts, and both strains are near 0."""
+
+
+def poisson_ratio_of_test(
+    mean_strain_xx: Float[np.ndarray, " strain"], mean_strain_yy: Float[np.ndarray, " strain"]
+) -> Float[np.ndarray, " strain"]:
+    """ν at every strain of a test; missing at the first, relaxed state, where it is 0/0 [1]."""
+    ratio = np.full(len(mean_strain_yy), np.nan)
+    np.divide(-mean_strain_xx, mean_strain_yy, out=ratio, where=mean_strain_yy != 0)
+    # Round-off and noise would give an arbitrary value.
+    ratio[0] = np.nan
+    return ratio
+
+
+def lowest_poisson_ratio(
+    applied_strain: Float[np.ndarray, " strain"], ratio: Float[np.ndarray, " strain"]
+) -> dict[str, float]:
+    """The lowest Poisson's ratio of a test and its strain, by their names in a cube, if any [1]."""
+    if not np.isfinite(ratio).any():
+        return {}
+    lowest = int(np.nanargmin(ratio))
+    return {
+        "poisson_ratio_min": float(ratio[lowest]),
+        "applied_strain_at_min": float(applied_strain[lowest]),
+    }
 
 
 @observable(
@@ -27,10 +50,8 @@ ratio: a sample that is pulled before it is at rest still contracts, and both st
         ),
     )
 )
-def poisson_ratio(test: "FinishedTest") -> "Float[np.ndarray, ' reached']":
+def poisson_ratio(test: "FinishedTest") -> Float[np.ndarray, " reached"]:
     """ν at every strain."""
-    from knitlab.observables.unit_cells import poisson_ratio_of_test
-
     across, along = test.strains_of_pull
     ratio = poisson_ratio_of_test(across, along)
     ratio[along < MIN_FOLLOWED * test.applied_strain] = np.nan
@@ -53,8 +74,6 @@ def poisson_ratio(test: "FinishedTest") -> "Float[np.ndarray, ' reached']":
 )
 def lowest(test: "FinishedTest") -> dict[str, Any]:
     """The lowest ν of a complete test, and its strain."""
-    from knitlab.observables.unit_cells import lowest_poisson_ratio
-
     if not test.complete:
         return {}
     return lowest_poisson_ratio(test.applied_strain, poisson_ratio(test))

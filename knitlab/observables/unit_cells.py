@@ -85,26 +85,3 @@ def poisson_ratio(mean_strain_xx: Series, mean_strain_yy: Series) -> Series:
     stretched = mean_strain_yy != 0
     xp = array_library(mean_strain_yy)
     return xp.where(stretched, -mean_strain_xx / xp.where(stretched, mean_strain_yy, 1), xp.nan)
-
-
-def poisson_ratio_of_test(
-    mean_strain_xx: Float[np.ndarray, " strain"], mean_strain_yy: Float[np.ndarray, " strain"]
-) -> Float[np.ndarray, " strain"]:
-    """ν at every strain of a test; missing at the first, relaxed state, where it is 0/0 [1]."""
-    ratio = np.array(poisson_ratio(mean_strain_xx, mean_strain_yy))
-    # Round-off and noise would give an arbitrary value.
-    ratio[0] = np.nan
-    return ratio
-
-
-def lowest_poisson_ratio(
-    applied_strain: Float[np.ndarray, " strain"], ratio: Float[np.ndarray, " strain"]
-) -> dict[str, float]:
-    """The lowest Poisson's ratio of a test and its strain, by their names in a cube, if any [1]."""
-    if not np.isfinite(ratio).any():
-        return {}
-    lowest = int(np.nanargmin(ratio))
-    return {
-        "poisson_ratio_min": float(ratio[lowest]),
-        "applied_strain_at_min": float(applied_strain[lowest]),
-    }

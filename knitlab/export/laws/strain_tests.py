@@ -21,8 +21,8 @@ from knitlab.cubes.cube_file import cube_name, design_dims
 from knitlab.cubes.normalised import require
 from knitlab.cubes.selection import choices, select
 from knitlab.io.errors import invalid
+from knitlab.observables.poisson_ratio import poisson_ratio_of_test
 from knitlab.observables.schema import STRAIN
-from knitlab.observables.unit_cells import poisson_ratio_of_test
 
 A, B, C = range(3)
 NEEDED = ("mean_strain_xx", "mean_strain_yy", "reaction_force", "relaxed_cell_x", "relaxed_cell_y")
