@@ -40,6 +40,9 @@ class StitchChart:
     column_borders: Int[np.ndarray, " border_x"]  # wales at which they do
     repeat: tuple[int, int]  # courses and wales of the pattern that repeats
     periodic: bool  # whether the model has no edges: the chart is a part of the fabric
+    # Of a shaped piece: the first wale of every course, and the one after its last; consecutive
+    # courses share a wale. None: all courses have all wales.
+    spans: Int[np.ndarray, "course 2"] | None = None
 
     def __repr__(self) -> str:
         return f"<StitchChart {self.size}>"
@@ -60,6 +63,18 @@ class StitchChart:
         return int(self.front.shape[1])
 
     @property
+    def edges(self) -> Int[np.ndarray, "course 2"]:
+        """The first wale of every course, and the one after its last."""
+        return np.tile([0, self.wales], (self.courses, 1)) if self.spans is None else self.spans
+
+    @property
+    def present(self) -> Bool[np.ndarray, "course wale"]:
+        """Whether a course has a stitch in a wale."""
+        starts, stops = self.edges.T[..., None]
+        wales = np.arange(self.wales)
+        return (wales >= starts) & (wales < stops)
+
+    @property
     def repeats(self) -> tuple[int, int]:
         """How often the pattern repeats along (y, x)."""
         return self.courses // self.repeat[0], self.wales // self.repeat[1]
@@ -78,21 +93,26 @@ class StitchChart:
     @property
     def electrodes(self) -> list[int]:
         """Numbers of the electrodes that it has."""
-        return np.unique(self.plated[self.plated > 0]).tolist()
+        return np.unique(self.plated[(self.plated > 0) & self.present]).tolist()
 
     @property
     def transfers(self) -> int:
         """Stitches that change the bed between two of its courses."""
-        return int((self.front[1:] != self.front[:-1]).sum())
+        both = self.present[1:] & self.present[:-1]
+        return int((both & (self.front[1:] != self.front[:-1])).sum())
 
     @property
     def stitches(self) -> np.ndarray:
-        """Every stitch in words, (course, wale)."""
+        """Every stitch in words, (course, wale); empty where there is none."""
         faces = np.array(["front", *self.plated_face])[self.plated]
-        return np.vectorize(stitch_in_words)(self.front, self.plated, faces)
+        words = np.vectorize(stitch_in_words)(self.front, self.plated, faces)
+        return np.where(self.present, words, "")
 
     def flat_size(self, gauge: "Gauge") -> tuple[float, float]:
-        """Width and length in cloth before it folds, by the size of a stitch [mm]."""
+        """Width and length in cloth before it folds, by the size of a stitch [mm].
+
+        Of a shaped piece, those of the rectangle around it.
+        """
         return self.wales * gauge.stitch_width, self.courses * gauge.stitch_height
 
     def difference(self, knitted: np.ndarray) -> str | None:
@@ -111,6 +131,7 @@ class StitchChart:
         letters = np.where(self.front, "k", "p").astype(object)
         for number in self.electrodes:
             letters[self.plated == number] += electrode_name(number)
+        letters[~self.present] = ""
         for course, wale, mark in marks:
             letters[course, wale] += mark
         rows = pd.DataFrame(letters, range(1, self.courses + 1), range(1, self.wales + 1))

@@ -9,7 +9,8 @@ from knitlab.export.knitting.machine import Machine
 from knitlab.export.knitting.program import OF_CARRIERS, Needle, Operation, operations
 from knitlab.io.errors import Mistake
 
-MAX_STITCHES_HELD = 2  # on a needle: a loop and a tuck, or two loops that a bind-off joins
+MAX_STITCHES_HELD = 2  # on a needle: a loop and a tuck
+MAX_STITCHES_JOINED = 3  # on a needle: its loop, one of a decrease, and one of a bind-off
 
 
 @dataclass(frozen=True)
@@ -141,7 +142,7 @@ class _State:
             self._report("joins the conductors of two electrodes; knit with one of them")
         elif conductors and (body := self.machine.body_carrier) not in carriers:
             self._report(f"knits a conductor alone; plate it with the body's carrier {body}")
-        self._form(needle, carriers, tuple(through))
+        self._form(needle, carriers, tuple(sorted(through)))
 
     def _tuck(self, needle: Needle, *carriers: int) -> None:
         self._check_carriers(needle, carriers)
@@ -161,7 +162,7 @@ class _State:
         there = self.held.get(target, [])
         if not moved:
             self._report(f"{source} holds no loop; transfer only where the bed changes")
-        elif there and (not self.racking or len(moved) + len(there) > MAX_STITCHES_HELD):
+        elif there and (not self.racking or len(moved) + len(there) > MAX_STITCHES_JOINED):
             self._report(f"{target} already holds a loop; knit or move that first")
         self.held[target] = [*there, *moved]
 

@@ -14,6 +14,7 @@ from jaxtyping import Bool
 from knitlab.export.knitting.chart import StitchChart
 from knitlab.export.knitting.machine import NOT_GIVEN, Machine, stitch_size_in_words
 from knitlab.export.knitting.program import Needle
+from knitlab.export.knitting.shaping import shaping
 from knitlab.io.errors import invalid
 
 VERSION = 2  # version of the language that version 0.6 of its specification describes
@@ -24,9 +25,14 @@ def knitout(chart: StitchChart, machine: Machine) -> str:
     """The text of a knitout file that knits a chart; InputError if it is wider than the machine."""
     if chart.wales > machine.needles:
         message = f"is wider than the {machine.needles} needles of {machine.model}"
-        fitting = f"{machine.needles // chart.repeat[1]} repeats of {chart.repeat[1]} wales"
+        fitting = f"take {machine.needles // chart.repeat[1]} repeats of {chart.repeat[1]} wales"
+        if chart.spans is not None:
+            fitting = "make the piece narrower"
         path = f"chart of {chart.wales} wales"
-        raise invalid(path, f"{message}; take {fitting}, or another machine")
+        raise invalid(path, f"{message}; {fitting}, or take another machine")
+    if chart.electrodes and chart.spans is not None:
+        message = "is plated and shaped, which is not supported"
+        raise invalid(f"chart {chart.size}", f"{message}; leave out its electrodes or its shape")
     if chart.electrodes and machine.carriers_of_a_stitch == 1:
         message = f"is plated, but {machine.model} ({machine.back_end}) takes one carrier a stitch"
         raise invalid(f"chart {chart.size}", f"{message}; leave out its electrodes")
@@ -62,17 +68,22 @@ class _Program:
     def __init__(self, chart: StitchChart, machine: Machine) -> None:
         self.chart = chart
         self.machine = machine
-        self.needles = range(1, chart.wales + 1)
+        self.needles = self._needles_of(0)  # that hold stitches of the chart
         self.lines = [f"x-speed-number {machine.speed_number}"]
         self.on_front = np.ones(chart.wales, bool)
-        self.inwards = LEFTWARD if machine.hooks else RIGHTWARD  # from where carriers come
+        self.inwards = machine.inwards
         self.direction = self.inwards
+        self.shaping = shaping(chart, self.inwards, machine.largest_racking)
         self.stitch_number: int | None = None
         self.active: set[int] = set()
         # No carrier may pass the inserting hook, which parks right of the first stitch of its own.
         # It is released late, so that many stitches hold the end of the yarn.
         self.hooked: int | None = None
         self.hook_from: int | None = None
+
+    def _needles_of(self, course: int) -> range:
+        start, stop = self.chart.edges[course].tolist()
+        return range(start + 1, stop + 1)
 
     def written(self) -> list[str]:
         """The lines from cast-on to end."""
@@ -82,13 +93,13 @@ class _Program:
             # 1 × 1 rib lies flat and gives the rollers something to hold.
             self.on_front = np.arange(wales) % 2 == 0
             self._band("waste", machine.waste_carrier, machine.waste_courses, casts_on=True)
-            self._move_to(np.ones(wales, bool))
+            self._move_to(np.ones(wales, bool), self.needles)
             # When this is drawn out, the sample parts from its waste.
             self._band("draw thread", machine.draw_carrier, 1)
         self.lines.append(";cast-on")
         self._take_stitch_size("body")
         self._bring_in(machine.body_carrier)
-        self._tucks(machine.body_carrier)
+        self._tucks(machine.body_carrier, self.needles[:: self.inwards])
         self._plain_courses(machine.setup_courses, machine.body_carrier)
         for course in range(self.chart.courses):
             self._course(course)
@@ -98,8 +109,11 @@ class _Program:
         self._bring_out(machine.body_carrier)
         if machine.waste_courses:
             self._band("waste", machine.waste_carrier, machine.waste_courses)
-        dropped = (f"drop {needle}" for needle in map(Needle, self.on_front, self.needles))
-        return [*self.lines, ";drop", *dropped]
+        return [*self.lines, ";drop", *(f"drop {self._needle(each)}" for each in self.needles)]
+
+    def _needle(self, number: int) -> Needle:
+        """The needle that holds a wale."""
+        return Needle(bool(self.on_front[number - 1]), number)
 
     def _take_stitch_size(self, use: str) -> None:
         number = getattr(self.machine, f"{use}_stitch_number")
@@ -130,16 +144,15 @@ class _Program:
         elif self.hooked in carriers and self.hook_from is None:
             self.hook_from = number + 1
         sign = "+" if direction == RIGHTWARD else "-"
-        needle = Needle(bool(self.on_front[number - 1]), number)
-        self.lines.append(f"{opcode} {sign} {needle} {' '.join(map(str, carriers))}")
+        carried = " ".join(map(str, carriers))
+        self.lines.append(f"{opcode} {sign} {self._needle(number)} {carried}")
 
-    def _tucks(self, carrier: int) -> None:
-        """A cast-on of tucks on every second needle inwards, and on the rest outwards."""
-        order = self.needles[:: self.inwards]
-        for number in order[::2]:
-            self._form("tuck", self.inwards, number, [carrier])
-        for number in order[1::2][::-1]:
-            self._form("tuck", -self.inwards, number, [carrier])
+    def _tucks(self, carrier: int, needles: range) -> None:
+        """A cast-on of tucks on every second needle in order, and on the rest coming back."""
+        for number in needles[::2]:
+            self._form("tuck", needles.step, number, [carrier])
+        for number in needles[1::2][::-1]:
+            self._form("tuck", -needles.step, number, [carrier])
         self._release_hook()
 
     def _plain_courses(self, count: int, carrier: int) -> None:
@@ -148,16 +161,36 @@ class _Program:
                 self._form("knit", self.direction, number, [carrier])
             self.direction = -self.direction
 
-    def _move_to(self, front: Bool[np.ndarray, " wale"]) -> None:
-        """Transfer the wales whose bed changes, and no other."""
+    def _move_to(self, front: Bool[np.ndarray, " wale"], needles: range) -> None:
+        """Transfer the wales of some needles whose bed changes, and no other."""
         self._release_hook()
+        here = np.zeros(self.chart.wales, bool)
+        here[needles.start - 1 : needles.stop - 1] = True
         for to_front in (False, True):
-            moved = np.flatnonzero((self.on_front != front) & (front == to_front)) + 1
+            moved = np.flatnonzero(here & (self.on_front != front) & (front == to_front)) + 1
             self.lines += [
                 f"xfer {Needle(not to_front, number)} {Needle(to_front, number)}"
                 for number in moved.tolist()
             ]
-        self.on_front = front
+        self.on_front = np.where(here, front, self.on_front)
+
+    def _pass_on(self, needles: Sequence[int], shift: int) -> None:
+        """Move the loops of needles onto others, ``shift`` needles away."""
+        for to_front in (True, False):
+            passed = [each for each in needles if self.on_front[each + shift - 1] == to_front]
+            if not passed:
+                continue
+            self.lines += [
+                f"xfer {self._needle(each)} {Needle(not to_front, each)}"
+                for each in passed
+                if self.on_front[each - 1] == to_front
+            ]
+            # At racking R, back needle B is opposite front needle B + R.
+            self.lines.append(f"rack {shift if to_front else -shift}")
+            self.lines += [
+                f"xfer {Needle(not to_front, each)} {self._needle(each + shift)}" for each in passed
+            ]
+            self.lines.append("rack 0")
 
     def _band(self, name: str, carrier: int, courses: int, *, casts_on: bool = False) -> None:
         """Plain courses of a yarn that is brought in and taken out again, inwards first."""
@@ -165,7 +198,7 @@ class _Program:
         self._take_stitch_size("waste")
         self._bring_in(carrier)
         if casts_on:
-            self._tucks(carrier)
+            self._tucks(carrier, self.needles[:: self.inwards])
         self.direction = self.inwards
         self._plain_courses(courses, carrier)
         self._bring_out(carrier)
@@ -175,7 +208,8 @@ class _Program:
         """One course, with a pass for every run of stitches of the same carriers."""
         plated = self.chart.plated[course]
         self.lines.append(f";course {course + 1}")
-        self._move_to(self.chart.front[course])
+        self._shape(course)
+        bound_off = self.shaping[course].bound_off
         needles = self.needles[:: self.direction]
         for electrode, run in groupby(needles, key=lambda number: int(plated[number - 1])):
             numbers = list(run)
@@ -195,23 +229,52 @@ class _Program:
                     first = self.machine.names_conductor_first(bool(front), face)
                     carriers.insert(0 if first else 1, self.machine.carrier_of(electrode))
                 self._form("knit", self.direction, number, carriers)
+                if number in bound_off:
+                    self._pass_on([number], self.direction)
         for electrode in np.setdiff1d(plated, self.chart.plated[course + 1 :]).tolist():
             if electrode:
                 self._bring_out(self.machine.carrier_of(electrode))
         self.direction = -self.direction
+
+    def _shape(self, course: int) -> None:
+        """From the needles and beds of the course before to those of a course."""
+        here = self._needles_of(course)
+        kept = range(max(here.start, self.needles.start), min(here.stop, self.needles.stop))
+        front = self.chart.front[course]
+        self._move_to(front, kept)
+        changes = self.shaping[course]
+        for needles, shift in changes.moved:
+            self._pass_on(needles, shift)
+        carrier = self.machine.body_carrier
+        for number in changes.bound_off:
+            if number not in here:
+                self._form("knit", self.direction, number, [carrier])
+                self._pass_on([number], self.direction)
+        self._cast_on(changes.cast_on, front)
+        if len(changes.cast_on) > 1:
+            # The course begins at the outermost of these.
+            for number in changes.cast_on:
+                self._form("knit", -self.direction, number, [carrier])
+        if changes.cast_on_ahead:
+            self._cast_on(changes.cast_on_ahead, self.chart.front[course + 1])
+        self.needles = here
+
+    def _cast_on(self, needles: range, front: Bool[np.ndarray, " wale"]) -> None:
+        """Cast needles on at an edge, on their beds."""
+        wales = np.array(needles, int) - 1
+        self.on_front[wales] = front[wales]
+        self._tucks(self.machine.body_carrier, needles)
 
     def _bind_off(self) -> None:
         """A chain: every loop is moved onto its neighbour, and knitted with it."""
         carrier = self.machine.body_carrier
         self.lines.append(";bind-off")
         self._take_stitch_size("body")
-        self._move_to(np.ones(self.chart.wales, bool))
+        self._move_to(np.ones(self.chart.wales, bool), self.needles)
         order = self.needles[:: self.direction]
         self._form("knit", self.direction, order[0], [carrier])
         for number, following in pairwise(order):
-            # At racking R, back needle B is opposite front needle B + R.
-            self.lines += [f"xfer f{number} b{number}", f"rack {following - number}"]
-            self.lines += [f"xfer b{number} f{following}", "rack 0"]
+            self._pass_on([number], following - number)
             self._form("knit", self.direction, following, [carrier])
         for _ in range(self.machine.bind_off_tail):
             self.direction = -self.direction

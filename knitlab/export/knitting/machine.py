@@ -88,6 +88,11 @@ class Machine:
         return f"<Machine {self.model}: {self.needles} needles>"
 
     @property
+    def inwards(self) -> int:
+        """Direction in which carriers come in: leftwards -1, rightwards 1."""
+        return -1 if self.hooks else 1
+
+    @property
     def bring_in(self) -> str:
         """Operation that brings a carrier in."""
         return "inhook" if self.hooks else "in"

@@ -8,7 +8,8 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from knitlab.export.knitting.chart import Face, StitchChart, stitch_in_words
 from knitlab.export.knitting.checks import FormedStitch, check
 from knitlab.export.knitting.machine import Machine
 from knitlab.export.knitting.program import operations
+from knitlab.export.knitting.shaping import shaping
 
 MAX_OPERATIONS = 20_000  # up to which the interpreter runs by default, at about 1 ms each
 KNOWN_MACHINE = "SWG091N2"  # the only machine of the interpreter
@@ -64,45 +66,98 @@ def round_trip(
 
 def _differences(graph: Sequence[FormedStitch], chart: StitchChart, machine: Machine) -> list[str]:
     try:
-        different = chart.difference(chart_stitches(graph, chart.front.shape, machine))
+        different = chart.difference(chart_stitches(graph, chart, machine))
     except NotAChart as error:
         return [f"knits no chart: {error}"]
     return [f"knits another chart: {different}"] if different else []
 
 
+class _Run(NamedTuple):
+    """Consecutive stitches of a wale, and the stitch that its last loop is joined to."""
+
+    start: int  # first course
+    stop: int  # the one after its last
+    before: int  # stitches that close its cast-on
+    after: int  # of its bind-off, a course later
+    joined: tuple[int, int] | None  # course and needle, None at the end of the chart
+
+    @property
+    def stitches(self) -> int:
+        return self.before + self.stop - self.start + self.after
+
+
+def _runs(chart: StitchChart, machine: Machine) -> dict[int, list[_Run]]:
+    """The runs of every wale by its needle."""
+    shaped = shaping(chart, machine.inwards, machine.largest_racking)
+    runs: dict[int, list[_Run]] = {}
+    for needle, wale in enumerate(chart.present.T, start=1):
+        changes = np.flatnonzero(np.diff(wale, prepend=False, append=False)).reshape(-1, 2)
+        runs[needle] = []
+        for start, stop in changes.tolist():
+            cast_on = shaped[start].cast_on
+            before = int(needle in cast_on and len(cast_on) > 1)
+            before = before if start else machine.setup_courses
+            if stop == chart.courses:
+                runs[needle].append(_Run(start, stop, before, machine.end == "bind_off", None))
+                continue
+            moved = [shift for needles, shift in shaped[stop].moved if needle in needles]
+            late = needle in shaped[stop].bound_off
+            course = stop if moved or late else stop - 1
+            shift = moved[0] if moved else shaped[course].bound_off.step
+            runs[needle].append(_Run(start, stop, before, late, (course, needle + shift)))
+    return {needle: several for needle, several in runs.items() if several}
+
+
 def chart_stitches(
-    graph: Sequence[FormedStitch], size: tuple[int, int], machine: Machine
+    graph: Sequence[FormedStitch], chart: StitchChart, machine: Machine
 ) -> np.ndarray:
-    """A knit graph as stitches of a chart, in words, if each wale is one chain; else NotAChart."""
-    courses, wales = size
+    """A knit graph as stitches, in words, if each wale is one chain; else NotAChart.
+
+    From the chart only its outline is taken.
+    """
     chains: dict[int, list[int]] = defaultdict(list)
     for number, stitch in enumerate(graph):
         if machine.body_carrier in stitch.carriers and stitch.through:
             chains[stitch.position].append(number)
-    if sorted(chains) != list(range(1, wales + 1)):
+    runs = _runs(chart, machine)
+    if sorted(chains) != sorted(runs):
         knitted = f"from {min(chains)} to {max(chains)}" if chains else "nowhere"
-        raise NotAChart(f"the body is knitted on needles {knitted}, not from 1 to {wales}")
-    first = machine.setup_courses
-    bound_off = machine.end == "bind_off"
-    # A bind-off knits one more stitch in each wale, and its tail in the last.
-    tail = machine.bind_off_tail if bound_off else 0
-    more = {wale: len(chain) - first - courses - bound_off for wale, chain in chains.items()}
-    wrong = [wale for wale, extra in more.items() if extra not in (0, tail)]
+        wanted = f"from {min(runs)} to {max(runs)}"
+        raise NotAChart(f"the body is knitted on needles {knitted}, not {wanted}")
+    # The tail of a bind-off is in one wale of the last course.
+    tail = machine.bind_off_tail if machine.end == "bind_off" else 0
+    more = {w: len(chain) - sum(run.stitches for run in runs[w]) for w, chain in chains.items()}
+    wrong = [w for w, n in more.items() if n and (n != tail or runs[w][-1].stop < chart.courses)]
     if not wrong and sum(more.values()) != tail:
         wrong = [max(more, key=lambda wale: more[wale])]
     if wrong:
-        count = courses + min(more[wrong[0]], more[wrong[0]] - tail, key=abs)
-        raise NotAChart(f"wale {wrong[0]} has {count} stitches, not {courses}")
-    for position, chain in chains.items():
-        for course in range(1, courses):
-            before, number = chain[first + course - 1 : first + course + 1]
-            if before not in graph[number].through:
-                raise NotAChart(f"wale {position} is broken below course {course + 1}")
-    made = np.array([chains[wale][first : first + courses] for wale in range(1, wales + 1)]).T
-    late = np.flatnonzero(made[1:].min(axis=1) < made[:-1].max(axis=1))
+        count = sum(run.stop - run.start for run in runs[wrong[0]])
+        knitted_count = count + min(more[wrong[0]], more[wrong[0]] - tail, key=abs)
+        raise NotAChart(f"wale {wrong[0]} has {knitted_count} stitches, not {count}")
+    made = np.full((chart.courses + 1, chart.wales), -1)
+    for wale, chain in chains.items():
+        first = 0
+        for run in runs[wale]:
+            stitches = chain[first : first + run.stitches]
+            first += run.stitches
+            for course, (below, number) in enumerate(pairwise(stitches), run.start - run.before):
+                if below not in graph[number].through:
+                    raise NotAChart(f"wale {wale} is broken below course {course + 2}")
+            made[run.start : run.stop + run.after, wale - 1] = stitches[run.before :]
+    for wale, run in ((wale, run) for wale, several in runs.items() for run in several):
+        if run.joined:
+            course, target = run.joined
+            last = made[run.stop + run.after - 1, wale - 1]
+            if last not in graph[made[course, target - 1]].through:
+                joined = f"wale {target} in course {course + 1}"
+                raise NotAChart(f"wale {wale} is not joined to {joined}")
+    made = np.where(chart.present, made[:-1], -1)
+    begun = np.where(made < 0, len(graph), made).min(axis=1)
+    late = np.flatnonzero(begun[1:] < made[:-1].max(axis=1))
     if len(late):
         raise NotAChart(f"course {late[0] + 2} begins before course {late[0] + 1} is finished")
-    return np.array([[_in_words(graph[number], machine) for number in course] for course in made])
+    words = [["" if n < 0 else _in_words(graph[n], machine) for n in row] for row in made]
+    return np.array(words)
 
 
 def _in_words(stitch: FormedStitch, machine: Machine) -> str:

@@ -78,7 +78,7 @@ kniterates = st.fixed_dictionaries(
 def own_reading(program, chart, machine):
     mistakes, graph = check(program, machine)
     assert mistakes == []
-    return graph, chart_stitches(graph, chart.front.shape, machine)
+    return graph, chart_stitches(graph, chart, machine)
 
 
 @given(charts(), machines | kniterates)
