@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch, Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from knitlab.export.knitting.chart import StitchChart, electrode_name
@@ -96,7 +96,12 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float, leads: Sequence["L
     _draw_electrodes(axes, chart, plated, extent)
     beyond = _draw_leads(axes, leads, extent)
     (height, width), named = chart.repeat, "whole sample" if chart.is_whole_sample else "repeat"
-    outline = Rectangle((left, low), width, height, fill=False, zorder=3, clip_on=False, **REPEAT)
+    outline: Patch = Rectangle((left, low), width, height)
+    if chart.spans is not None:
+        outline = _outline(chart.spans[rows], low)
+        for artist in (*axes.images, *axes.collections):
+            artist.set_clip_path(outline.get_path(), axes.transData)
+    outline.set(fill=False, zorder=3, clip_on=False, **REPEAT)
     axes.add_patch(outline)
     beside: Look = {"textcoords": "offset points", "annotation_clip": False}
     above: Look = {"xytext": (0, 4 + beyond["upper"]), "ha": "center", "va": "bottom"} | beside
@@ -115,7 +120,14 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float, leads: Sequence["L
         axis.set_ticks([number - 0.5 for number in numbers], [str(n) for n in numbers])
     axes.xaxis.set_tick_params(pad=3 + beyond["lower"])
     axes.yaxis.set_tick_params(pad=3 + beyond["left"])
-    axes.spines[:].set_visible(True)
+    axes.spines[:].set_visible(chart.spans is None)
+
+
+def _outline(spans: np.ndarray, low: int) -> Polygon:
+    """The edge of a shaped piece, with courses from ``low`` up."""
+    heights = np.repeat(np.arange(low, low + len(spans) + 1), 2)[1:-1]
+    sides = [np.stack([np.repeat(wales, 2), heights], axis=1) for wales in spans.T]
+    return Polygon(np.concatenate([sides[0], sides[1][::-1]]))
 
 
 def legend_handles(chart: StitchChart, leads: Sequence["Lead"] = ()) -> list[Patch | Line2D]:
@@ -153,12 +165,20 @@ def _draw_patches(axes: Axes, chart: StitchChart, extent: Extent, stitch: float)
     xs = [x for x in columns if left <= x <= right]
     axes.hlines(ys, left, right, colors="black", lw=1.0)
     axes.vlines(xs, low, high, colors="black", lw=1.0)
+    present = chart.present
     for y, above in pairwise(ys):
         for x, beside in pairwise(xs):
+            here = np.argwhere(present[y:above, x:beside]) + 0.5
+            if not len(here):
+                continue
             knit = str(chart.knit[rows.index(y), columns.index(x)])
             name = knit if (beside - x) * stitch > WORD else knit[0].upper()
             box: Look = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
-            axes.text((x + beside) / 2, (y + above) / 2, name, ha="center", va="center", bbox=box)
+            middle = here.mean(axis=0)
+            if chart.spans is not None:
+                middle = here[np.argmin(np.hypot(*(here - middle).T))]
+            row, column = middle
+            axes.text(x + column, y + row, name, ha="center", va="center", bbox=box)
 
 
 def _draw_electrodes(axes: Axes, chart: StitchChart, plated: np.ndarray, extent: Extent) -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from matplotlib.patches import Polygon
 
 from knitlab.export.knitting.knitout import knitout
 from knitlab.export.knitting.leads import leads
@@ -21,6 +22,7 @@ from knitlab.figures.stitch_chart import (
 )
 from knitlab.model.stitches import Gauge
 from tests.export.knitting.charts import case_of
+from tests.export.knitting.test_shaping import PIECES, shaped
 
 PLATED = stitch_chart(case_of("sensor", n_stripe=4, n_subunit=16))
 FOUR = stitch_chart(case_of("sensor", n_stripe=4, n_subunit=16), (2, 2))
@@ -112,3 +114,17 @@ def test_the_sheet_states_every_line_of_the_specification():
     assert "B out" in shown
     # A stitch of 0.5 mm is no stitch of needles 1.69 mm apart, which the sheet says too.
     assert any("Warning: stitch_width is 0.5 mm" in text for text in shown)
+
+
+def test_a_shaped_piece_is_drawn_within_its_edge():
+    piece = shaped(PIECES["steps both ways"])
+    axes = stitch_chart_figure(piece).axes[0]
+    edge = next(each for each in axes.patches if isinstance(each, Polygon))
+    middles = np.argwhere(np.ones(piece.front.shape))[:, ::-1] + 0.5
+    assert (edge.get_path().contains_points(middles) == piece.present.ravel()).all()
+    for drawn in (*axes.images, *axes.collections):
+        path, _ = drawn.get_clip_path().get_transformed_path_and_affine()
+        assert len(path) == len(edge.get_path())
+    machine = read_machine({"waste_courses": 2})
+    sheet = Specification(piece, machine, Gauge(1.35, 0.8), knitout(piece, machine))
+    assert "4 to 28 wales a course" in texts(specification_sheet(sheet))

@@ -48,7 +48,7 @@ def _rows_of_text(path: Path, given: Key) -> tuple[Stitches, Key]:
             raise invalid(str(path), f"has one character a stitch; give one in place of {symbol!r}")
     lines = read_text(path, MAX_TEXT).translate(ALIKE).splitlines()
     check_grid(path, len(lines), max(map(len, lines), default=0), "characters", MAX_TEXT)
-    rows = _symbols(lines, given)
+    rows = _symbols(path, lines, given)
     drawn = list(dict.fromkeys("".join(rows.values())))
     between = [each for each in drawn if each in BETWEEN and each not in given.symbols]
     if between:
@@ -80,7 +80,7 @@ def _rows_of_text(path: Path, given: Key) -> tuple[Stitches, Key]:
     return np.array([[each == key.knit for each in row] for row in rows.values()]), key
 
 
-def _symbols(lines: Sequence[str], given: Key) -> dict[int, str]:
+def _symbols(path: Path, lines: Sequence[str], given: Key) -> dict[int, str]:
     """The symbols of each row by its line from 1, those that may separate stitches included."""
     ends = re.compile(f"[{re.escape(''.join(set(CELL_ENDS) - set(given.symbols)))}]")
     plain = [line for line in lines if not line.startswith("#")]
@@ -97,7 +97,13 @@ def _symbols(lines: Sequence[str], given: Key) -> dict[int, str]:
             cells = [line]
             if ends.search(line):
                 cells = [cell.strip(' "') or " " for cell in ends.split(line)]
-            row = "".join([cell[0] for cell in cells[1:]] if is_table else cells)
+            if is_table:
+                cells = cells[1:]
+                if " " in cells and " " not in given.symbols:
+                    where = f"has no stitch in wale {cells.index(' ') + 1}: a shaped piece"
+                    message = f"{where}; only a rectangle has a pattern, give one"
+                    raise invalid(f"{path}: line {number}", message)
+            row = "".join([cell[0] for cell in cells] if is_table else cells)
             rows[number] = row or empty
     return rows
 

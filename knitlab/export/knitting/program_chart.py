@@ -41,6 +41,9 @@ def stitches_of_program(path: Path, carrier: int | None) -> tuple[Stitches, str]
         listed = ", ".join(sorted(counts))
         raise invalid(str(path), f"knits nothing with carrier {body}; name one of {listed}")
     remarks = []
+    if marked and joined:
+        message = f"joins loops at line {joined}, before its end: a shaped piece"
+        raise invalid(str(path), f"{message}; only a rectangle has a pattern")
     if double:
         remarks.append(f"from line {double + 1}; before it both beds knit")
     if len(counts) > 1 and not marked:

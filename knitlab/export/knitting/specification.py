@@ -140,7 +140,11 @@ class Specification:
         yield "machine", f"{machine.model}, {needles}"
         yield "needles", f"{chart.wales}, 1 to {chart.wales} on both beds"
         yield "courses", str(chart.courses)
-        yield "stitches", f"{chart.front.size}, {int((~chart.front).sum())} on the back bed"
+        if chart.spans is not None:
+            widths = np.diff(chart.spans)
+            yield "shape", f"{widths.min()} to {widths.max()} wales a course"
+        on_back = int((~chart.front & chart.present).sum())
+        yield "stitches", f"{int(chart.present.sum())}, {on_back} on the back bed"
         if plated:
             yield "plated", f"{plated} stitches"
         yield "transfers", f"{chart.transfers} between courses"

@@ -8,11 +8,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from knitlab.export.knitting.chart_files import read_stitches
 from knitlab.export.knitting.checks import check
 from knitlab.export.knitting.knitout import knitout
 from knitlab.export.knitting.machine import read_machine
 from knitlab.export.knitting.program import operations
 from knitlab.export.knitting.round_trip import chart_stitches, interpreted, round_trip
+from knitlab.export.knitting.specification import Specification
+from knitlab.model.stitches import Gauge
 from tests.export.knitting.charts import chart_of_arrays, fast_protocols  # noqa: F401
 from tests.export.knitting.test_round_trip import interpreter, kniterates, machines
 from tests.refusals import refused
@@ -158,3 +161,26 @@ def test_a_plated_piece_is_refused():
     plated[:, 10] = 1
     with refused("plated", "shaped", "electrodes"):
         knitout(replace(TRAPEZOID, plated=plated), MACHINE)
+
+
+@pytest.mark.parametrize("name", [name for name in PIECES if name != "rectangle"])
+def test_a_piece_has_no_pattern(name, tmp_path):
+    chart = shaped(PIECES[name])
+    for suffix, text in ((".csv", chart.table()), (".k", knitout(chart, MACHINE))):
+        path = tmp_path / f"piece{suffix}"
+        path.write_text(text, encoding="utf-8")
+        with refused("piece", "only a rectangle"):
+            read_stitches(path)
+
+
+def test_absent_stitches_are_empty_cells_and_not_counted():
+    spans = [[0, 4], [1, 4], [1, 3]]
+    chart = shaped(spans, [[1, 1, 0, 0], [1, 0, 0, 0], [0, 1, 0, 1]])
+    assert chart.table().splitlines()[1:] == ["3,,k,p,", "2,,p,p,p", "1,k,k,p,p"]
+    assert chart.transfers == 2
+    sheet = Specification(chart, MACHINE, Gauge(1.0, 0.5), knitout(chart, MACHINE))
+    rows = dict(sheet.rows())
+    assert rows["stitches"] == "9, 6 on the back bed"
+    assert rows["shape"] == "2 to 4 wales a course"
+    assert sheet.flat_size == (4, 1.5)
+    assert sheet.duration.passes["knit"] > chart.courses
