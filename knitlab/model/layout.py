@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 from knitlab.model.array_library import array_library
 from knitlab.model.fabric import Fabric
 from knitlab.model.fold_lines import fold_stiffness_factors, inside_runs, model_ridge, patch_senses
-from knitlab.model.network import Network, mesh_shape, network
+from knitlab.model.network import Network, Spans, mesh_shape, network
 from knitlab.model.pattern import CELLS_PER_PERIOD, PatchGrid
 from knitlab.model.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.model.spring_law import SpringLaw, spring_law
@@ -189,7 +189,11 @@ def _beside_hinges(net: Network) -> list[tuple[np.ndarray, ...]]:
 
 
 def fabric_layout(
-    pattern: PatchGrid, sheet: Sheet, options: ModelOptions, plain: PlainKnit | None = None
+    pattern: PatchGrid,
+    sheet: Sheet,
+    options: ModelOptions,
+    plain: PlainKnit | None = None,
+    spans: Spans | None = None,
 ) -> FabricLayout:
     """The springs, hinges and folds of a patterned fabric (paper, Sec. "3D model").
 
@@ -197,7 +201,8 @@ def fabric_layout(
     across the courses of the garter stripe of their row, diagonals the smaller k_s; within plain
     knit all have its values. Hinges that join different knits, or that are across the folds of
     their patch, are flat at rest, and exist only with ``hinges = "all"`` or within plain knit.
-    BadPattern is raised if a single fold lies outside the pattern or between grid lines.
+    A shaped piece is the part of the fabric within its ``spans``. BadPattern is raised if a single
+    fold lies outside the pattern or between grid lines.
     """
     if pattern.cells_per_period != options.cells_per_period:
         counts = f"{pattern.cells_per_period} and {options.cells_per_period}"
@@ -205,7 +210,7 @@ def fabric_layout(
     plain_cells = pattern.knit_cells("plain")
     if plain is None and plain_cells.any():
         raise ValueError("the pattern has plain patches (P); give the stiffness of plain knit")
-    net = network(mesh_shape(pattern, options.boundary))
+    net = network(mesh_shape(pattern, options.boundary, spans))
     before, after = _beside_hinges(net)
     single = _single_folds(pattern, net)
 

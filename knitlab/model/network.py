@@ -5,7 +5,7 @@ mesh shape, so that designs of one shape share a compiled program.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, wraps
 from typing import Concatenate, ParamSpec, TypeVar
 
@@ -20,6 +20,8 @@ LARGE_KEPT = 2  # results that are kept: a large sample needs two, relaxed and u
 SMALL_KEPT = 32
 
 Frame = tuple[tuple[float, float], tuple[float, float]]
+Spans = tuple[tuple[int, int], ...]
+"""Of every row of grid cells the first column with fabric, and the one after the last."""
 UPRIGHT: Frame = ((1.0, 0.0), (0.0, 1.0))
 """The frame of which the lengths are L_x, L_y and the shift along x of the upper end [mm]."""
 LENGTHS = ((0, 0, 0), (1, 1, 1), (2, 0, 1))
@@ -35,12 +37,31 @@ class MeshShape:
 
     Periodic fabric whose lattice may shear has a ``frame``: the vectors (x, y), as the columns of a
     matrix, of one period along the courses and one along the wales at lengths 1, 1 and shear 0.
+    A shaped piece has ``spans``: nodes and cells outside them have numbers, but no fabric.
     """
 
     cells_y: int
     cells_x: int
     periodic: bool
     frame: Frame | None = None
+    spans: Spans | None = None
+
+    @cached_property
+    def has_fabric(self) -> Bool[np.ndarray, "cell_y cell_x"]:
+        """Which grid cells have fabric."""
+        if self.spans is None:
+            return np.ones((self.cells_y, self.cells_x), bool)
+        first, last = np.array(self.spans).T[..., None]
+        column = np.arange(self.cells_x)
+        return np.asarray((first <= column) & (column < last))
+
+    @cached_property
+    def nodes_of_fabric(self) -> Bool[np.ndarray, "node_y node_x"]:
+        """Which nodes are corners of a grid cell with fabric."""
+        if self.spans is None:
+            return np.ones((self.nodes_y, self.nodes_x), bool)
+        beside = np.pad(self.has_fabric, 1)
+        return beside[1:, 1:] | beside[1:, :-1] | beside[:-1, 1:] | beside[:-1, :-1]
 
     @property
     def nodes_y(self) -> int:
@@ -68,9 +89,9 @@ class MeshShape:
         return 2 if self.frame is None else 3
 
 
-def mesh_shape(pattern: PatchGrid, boundary: Boundary) -> MeshShape:
-    """Mesh shape of a pattern with a boundary."""
-    return MeshShape(*pattern.grid, boundary == "periodic")
+def mesh_shape(pattern: PatchGrid, boundary: Boundary, spans: Spans | None = None) -> MeshShape:
+    """Mesh shape of a pattern with a boundary, of which a shaped piece has the ``spans``."""
+    return MeshShape(*pattern.grid, boundary == "periodic", spans=spans)
 
 
 def cached_by_shape(
@@ -141,6 +162,8 @@ class Network:
 @cached_by_shape
 def network(shape: MeshShape) -> Network:
     """Build the network of a mesh shape."""
+    if shape.spans is not None:
+        return _with_fabric(network(replace(shape, spans=None)), shape)
     cells = cells_y, cells_x = np.arange(shape.cells_y), np.arange(shape.cells_x)
     rows = np.arange(shape.nodes_y)
     columns = np.arange(shape.nodes_x)
@@ -179,6 +202,39 @@ def network(shape: MeshShape) -> Network:
         # At an edge there is a cell only on one side.
         spring_cells=beside % size if shape.periodic else np.clip(beside, 0, size - 1),
         hinge_cells=np.concatenate([_at_every(origins, [(0, 0)])[:, 0] for origins, _ in hinges]),
+    )
+
+
+def _with_fabric(whole: Network, shape: MeshShape) -> Network:
+    """The springs of a network that belong to a cell with fabric, and the hinges between two."""
+    has_fabric = shape.has_fabric
+    sides = has_fabric[tuple(whole.spring_cells.transpose(2, 0, 1))]
+    one, other = whole.spring_cells.transpose(1, 0, 2)
+    # At an edge the cell with fabric counts twice.
+    cells = np.stack(
+        [
+            np.where(sides[:, [side]], own, beside)
+            for side, own, beside in ((0, one, other), (1, other, one))
+        ],
+        axis=1,
+    )
+    springs = np.flatnonzero(sides.any(axis=1))
+    after = whole.hinge_cells
+    before = after - np.where(whole.wale[:, None], [0, 1], [1, 0])
+    hinges = np.flatnonzero(has_fabric[tuple(before.T)] & has_fabric[tuple(after.T)])
+
+    def part(elements: Elements, kept: Int[np.ndarray, " kept"]) -> Elements:
+        return Elements(elements.nodes[kept], elements.images[kept], elements.incidence, shape)
+
+    return Network(
+        shape=shape,
+        springs=part(whole.springs, springs),
+        weft=whole.weft[springs],
+        warp=whole.warp[springs],
+        hinges=part(whole.hinges, hinges),
+        wale=whole.wale[hinges],
+        spring_cells=cells[springs],
+        hinge_cells=after[hinges],
     )
 
 

@@ -30,7 +30,7 @@ def self_intersections(shape: MeshShape, configurations: Configuration) -> list[
     columns = np.arange(shape.cells_x + 1)
     nodes = np.asarray(nodes_at(shape, configurations, rows, columns))
     corners = nodes[:, :-1, :-1], nodes[:, :-1, 1:], nodes[:, 1:, 1:], nodes[:, 1:, :-1]
-    cells = np.stack([each.reshape(len(nodes), -1, 3) for each in corners], axis=2)
+    cells = np.stack([each[:, shape.has_fabric] for each in corners], axis=2)
     lengths = np.asarray(configurations.lengths) * shape.periodic
     of_states = zip(cells, lengths, strict=True)
     return [crossings(quads, (x, y), *shear) for quads, (x, y, *shear) in of_states]

@@ -1,7 +1,7 @@
 """A finished test of a case: what observables are computed from."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -67,17 +67,25 @@ class FinishedTest:
     @cached_property
     def configurations(self) -> Configuration:
         """The states that were reached, along a leading axis [mm]."""
-        return Configuration.stacked([state.configuration for state in self.reached])
+        return Configuration.stacked([self._of_fabric(state) for state in self.reached])
 
     @cached_property
     def relaxed(self) -> Configuration:
         """The relaxed shape, before the first cycle [mm]."""
-        return (self.test.relaxed or self.reached[0]).configuration
+        return self._of_fabric(self.test.relaxed or self.reached[0])
+
+    def _of_fabric(self, state: State) -> Configuration:
+        """The configuration of a state, without positions of nodes without fabric [mm]."""
+        configuration, shape = state.configuration, self.case.mesh_shape
+        if shape.spans is None:
+            return configuration
+        there = shape.nodes_of_fabric[..., None]
+        return replace(configuration, positions=np.where(there, configuration.positions, np.nan))
 
     @cached_property
     def _corners(self) -> tuple[ReferenceGrid, CornerGrid]:
         """Corners of the unit cells, relaxed and in the states that were reached [mm]."""
-        states = [self.relaxed, *(state.configuration for state in self.reached)]
+        states = [self.relaxed, *map(self._of_fabric, self.reached)]
         stacked = Configuration.stacked(states)
         corners = unit_cell_corners(self.case.mesh_shape, self.case.cell_grid, stacked)
         return corners[0], corners[1:]

@@ -8,7 +8,11 @@ if TYPE_CHECKING:
     from knitlab.observables.finished_test import FinishedTest
     from knitlab.observables.wavelength import Direction
 
-PATCHES = Group("patches", "Shape of the relaxed fabric", lambda case: not case.pure)
+PATCHES = Group(
+    "patches",
+    "Shape of the relaxed fabric",
+    lambda case: not case.pure and case.spans is None,
+)
 TRACED = "between unit cells, nearest the middle of the relaxed fabric"
 WAVE = f"{TRACED}; missing where it crosses a single unit cell"
 ACROSS = "across its folds, relaxed, in the unit cell nearest the middle"

@@ -17,7 +17,7 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.fold_friction import NO_FRICTION, Friction
 from knitlab.model.inertia import Inertia, inertia
 from knitlab.model.layout import FabricLayout, fabric_layout
-from knitlab.model.network import MeshShape, Network, mesh_shape
+from knitlab.model.network import MeshShape, Network, Spans, mesh_shape
 from knitlab.model.pattern import CELLS_PER_PERIOD, Grading, PatchGrid, SingleFold, graded_pattern
 from knitlab.model.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.model.stitches import Stitches
@@ -66,6 +66,7 @@ class Case:
     friction: Friction = NO_FRICTION
     lengths_ratio: float = 1.0  # lengths of its network over those of walls and thickness
     cycle: int = 1  # between zero and the largest strain, that is measured
+    spans: Spans | None = None  # of a shaped piece
 
     def __repr__(self) -> str:
         return f"<Case {self.label}: {len(self.applied_strain)} strains by {self.method}>"
@@ -148,7 +149,7 @@ class Case:
     @cached_property
     def mesh_shape(self) -> MeshShape:
         """Its mesh shape; cases that share it can be one batch."""
-        return mesh_shape(self.sample, self.options.boundary)
+        return mesh_shape(self.sample, self.options.boundary, self.spans)
 
     @cached_property
     def cell_grid(self) -> CellGrid:
@@ -228,7 +229,7 @@ class Case:
     def periodic_cell(self) -> "Case":
         """One unit cell of the same fabric, periodic: a clamped sample starts as a tiling of it."""
         periodic = replace(self.options, boundary="periodic")
-        return replace(self, unit_cells=(1, 1), options=periodic).without_unused()
+        return replace(self, unit_cells=(1, 1), options=periodic, spans=None).without_unused()
 
     @property
     def electrodes(self) -> Electrodes:
@@ -294,7 +295,7 @@ class Case:
         if self.options.contact != "none":
             # The gap between the walls that is left to the middle surface.
             sheet = replace(sheet, z_max=sheet.z_max - sheet.thickness / 2)
-        return fabric_layout(self.sample, sheet, self.options, self.plain)
+        return fabric_layout(self.sample, sheet, self.options, self.plain, self.spans)
 
     @property
     def sheet_of_network(self) -> Sheet:

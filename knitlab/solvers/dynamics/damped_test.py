@@ -114,7 +114,7 @@ def relax_by_dynamics(
         folded = records[case][-1][-1]
         if not shape.periodic:
             aligned = rigidly_aligned(shape, flat[case], folded, fabrics.loads[case])
-            folded = between_walls(aligned, float(fabrics.fabrics[case].z_max))
+            folded = between_walls(shape, aligned, float(fabrics.fabrics[case].z_max))
         first, left = float(first_force[case]), float(moving.seen.force[case])
         force_left = left / first if first else 0.0
         *numbers, shapes = zip(*records[case], strict=True)

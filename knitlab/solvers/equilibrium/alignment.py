@@ -27,9 +27,14 @@ def rigidly_aligned(
     middle = held.mean(axis=0)
     turn = aligning_rotation(flat_held - flat_held.mean(axis=0), held - middle)
     nodes = middle + (relaxed.positions.reshape(-1, 3) - middle) @ turn.T
-    drift = (flat.positions.reshape(-1, 3) - nodes).mean(axis=0)
-    level = nodes + drift * np.array([1, 1, 0])
-    return Configuration(level.reshape(relaxed.positions.shape), relaxed.lengths)
+    apart = flat.positions.reshape(-1, 3) - nodes
+    drift = (apart if shape.spans is None else apart[shape.nodes_of_fabric.ravel()]).mean(axis=0)
+    level = (nodes + drift * np.array([1, 1, 0])).reshape(relaxed.positions.shape)
+    if shape.spans is not None:
+        # Nodes without fabric stay between the walls.
+        xp = array_library(level)
+        level = xp.where(shape.nodes_of_fabric[..., None], level, flat.positions)
+    return Configuration(level, relaxed.lengths)
 
 
 def aligning_rotation(
@@ -52,9 +57,10 @@ def aligning_rotation(
     return rotation + xp.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ rotation
 
 
-def between_walls(configuration: Configuration, z_max: float) -> Configuration:
+def between_walls(shape: MeshShape, configuration: Configuration, z_max: float) -> Configuration:
     """A sample tilted and lifted rigidly so that it penetrates the walls at ± z_max least [mm]."""
-    nodes = np.asarray(configuration.positions).reshape(-1, 3)
+    positions = np.array(configuration.positions)
+    nodes = positions[shape.nodes_of_fabric]
     middle = nodes.mean(axis=0)
 
     def moved(move: Float[np.ndarray, "3"]) -> Float[np.ndarray, "node 3"]:
@@ -65,5 +71,5 @@ def between_walls(configuration: Configuration, z_max: float) -> Configuration:
         return np.maximum(np.abs(moved(move)[:, 2]) - z_max, 0.0)
 
     least = least_squares(excess, np.zeros(3), xtol=1e-12, ftol=1e-12, gtol=1e-12)
-    positions = moved(least.x).reshape(configuration.positions.shape)
+    positions[shape.nodes_of_fabric] = moved(least.x)
     return Configuration(positions, np.asarray(configuration.lengths))

@@ -130,7 +130,7 @@ def _cells(shape: MeshShape, band: int) -> Int[np.ndarray, "cell 2"]:
     rows = shape.cells_y
     columns = shape.cells_x
     if not shape.periodic:
-        return np.indices((rows, columns)).reshape(2, -1).T
+        return np.argwhere(shape.has_fabric)
     above = min(band, rows)
     beside = min(band, columns)
     cells = np.indices((rows + above, columns + 2 * beside)).reshape(2, -1).T - [0, beside]

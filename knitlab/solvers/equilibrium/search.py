@@ -123,6 +123,11 @@ class Search:
         nodes = np.asarray(move.positions)
         lengths = np.asarray(move.lengths)
         changes = [np.diff(nodes, axis=0), np.diff(nodes, axis=1)]
+        if shape.spans is not None:
+            # Nodes without fabric stay.
+            there = shape.nodes_of_fabric
+            changes[0][~(there[1:] & there[:-1])] = 0.0
+            changes[1][~(there[:, 1:] & there[:, :-1])] = 0.0
         if shape.periodic:
             by_shear = lengths[2] if len(lengths) > 2 else 0.0
             images = np.array([[lengths[0], by_shear], [0.0, lengths[1]], [0.0, 0.0]])

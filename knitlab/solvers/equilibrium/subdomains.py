@@ -48,9 +48,10 @@ class Subdomain:
 
 
 def worth_dividing(shape: MeshShape) -> bool:
-    """Whether a sheet has enough subdomains for them to pay off; periodic fabric has none."""
+    """Whether a rectangular sample has enough subdomains for them to pay off."""
     return (
         not shape.periodic
+        and shape.spans is None
         and len(_spans(shape.cells_y)) * len(_spans(shape.cells_x)) >= MIN_SUBDOMAINS
     )
 

@@ -132,7 +132,7 @@ def relax(
             break
     if passed[-1].converged and not shape.periodic:
         aligned = rigidly_aligned(shape, flat, passed[-1].configuration, load)
-        at = Point(np.asarray(between_walls(aligned, float(fabric.z_max)).flattened()))
+        at = Point(np.asarray(between_walls(shape, aligned, float(fabric.z_max)).flattened()))
         rules = replace(whole, convexified=False)
         passed.append(find_equilibrium(system, at, rules, patience=None))
     return passed[-1].after(*passed[:-1])

@@ -74,7 +74,7 @@ class Load:
             clamped[[0, -1]] = True
         else:
             clamped[:, [0, -1]] = True
-        return clamped
+        return clamped & shape.nodes_of_fabric
 
     def free_coordinates(self, shape: MeshShape) -> Bool[np.ndarray, "node_y node_x 3"]:
         """Coordinates of the nodes of a sample that are free: those of nodes without a clamp."""
@@ -117,9 +117,16 @@ def stretch_along(
     if shape.periodic:
         length = relaxed.lengths[axis]
         return lines, length, length
-    lines = lines if axis == Y else lines.T
-    length = lines[-1].mean() - lines[0].mean()
-    inner = xp.clip(lines[1:-1] - lines[0].mean(), 0, length)
+    with_fabric = shape.nodes_of_fabric
+    if axis != Y:
+        lines = lines.T
+        with_fabric = with_fabric.T
+    first, last = lines[0], lines[-1]
+    if shape.spans is not None:
+        first, last = first[with_fabric[0]], last[with_fabric[-1]]
+    start = first.mean()
+    length = last.mean() - start
+    inner = xp.clip(lines[1:-1] - start, 0, length)
     ends = np.zeros((1, lines.shape[1]))
     moved = xp.concatenate([ends, inner, ends + length])
     return (moved if axis == Y else moved.T), 0.0, length

@@ -72,7 +72,11 @@ class Loading:
 
 def all_free(shape: MeshShape) -> Int[np.ndarray, " free"]:
     """Free unknowns while a fabric relaxes: every coordinate, and the lengths if periodic."""
-    return np.arange(shape.unknowns if shape.periodic else 3 * shape.nodes)
+    nodes = np.repeat(shape.nodes_of_fabric.ravel(), 3)
+    return np.append(
+        np.flatnonzero(nodes),
+        np.arange(3 * shape.nodes, shape.unknowns if shape.periodic else 3 * shape.nodes),
+    )
 
 
 def free_under(shape: MeshShape, load: Load = WARP) -> Int[np.ndarray, " free"]:
@@ -81,7 +85,8 @@ def free_under(shape: MeshShape, load: Load = WARP) -> Int[np.ndarray, " free"]:
     if shape.periodic:
         free[3 * shape.nodes + np.array(load.prescribed)] = False
     else:
-        free[: 3 * shape.nodes] = load.free_coordinates(shape).ravel()
+        coordinates = load.free_coordinates(shape) & shape.nodes_of_fabric[..., None]
+        free[: 3 * shape.nodes] = coordinates.ravel()
         free[3 * shape.nodes :] = False
     return np.flatnonzero(free)
 

@@ -17,6 +17,7 @@ from tests.fabrics import CLAMPED, checkered, shaken
 
 GAP = 0.5
 """Half the gap [mm]."""
+SHAPE = MeshShape(12, 8, periodic=False)
 
 
 def corrugated() -> np.ndarray:
@@ -31,7 +32,7 @@ def configuration(nodes: np.ndarray) -> Configuration:
 
 def test_a_sample_that_fits_stays_where_it_is():
     before = configuration(0.9 * corrugated())
-    after = between_walls(before, GAP)
+    after = between_walls(SHAPE, before, GAP)
     np.testing.assert_allclose(after.positions, before.positions, atol=1e-12)
 
 
@@ -39,7 +40,7 @@ def test_a_sample_that_fits_stays_where_it_is():
 def test_a_tilted_sample_is_moved_rigidly_between_the_walls(tilt, lift):
     nodes = corrugated()
     askew = Rotation.from_rotvec([*tilt, 0]).apply(nodes) + np.array([0, 0, lift])
-    laid = between_walls(configuration(askew), GAP)
+    laid = between_walls(SHAPE, configuration(askew), GAP)
     assert np.abs(laid.positions[..., 2]).max() <= GAP + 1e-6
     np.testing.assert_allclose(pdist(laid.positions.reshape(-1, 3)), pdist(nodes), rtol=1e-9)
     assert laid.lengths == pytest.approx([13.0, 9.0])
@@ -47,7 +48,7 @@ def test_a_tilted_sample_is_moved_rigidly_between_the_walls(tilt, lift):
 
 def test_a_sample_too_thick_is_pushed_equally_by_both_walls():
     askew = configuration(1.2 * corrugated() + np.array([0, 0, 0.1]))
-    heights = between_walls(askew, GAP).positions[..., 2]
+    heights = between_walls(SHAPE, askew, GAP).positions[..., 2]
     upper, lower = np.maximum(heights - GAP, 0), np.maximum(-heights - GAP, 0)
     assert upper.sum() == pytest.approx(lower.sum(), rel=1e-6)
     assert upper.sum() > 0
