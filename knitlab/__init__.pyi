@@ -20,6 +20,8 @@ from .api.laboratory import calibrate as calibrate
 from .api.laboratory import calibrate_friction as calibrate_friction
 from .api.laboratory import calibrate_stripe as calibrate_stripe
 from .api.laboratory import fit as fit
+from .api.pieces import ShapedPiece as ShapedPiece
+from .api.pieces import shape as shape
 from .api.sensing import capacitance_matrix as capacitance_matrix
 from .api.sensing import cross_talk as cross_talk
 from .api.sensing import selectivity as selectivity
@@ -36,6 +38,7 @@ from .api.sweeps import run as run
 from .api.uncertainty import sample_stripes as sample_stripes
 from .api.uncertainty import uncertainty as uncertainty
 from .cubes.cube_file import open_cube as open_cube
+from .export.pieces.outline import Outline as Outline
 from .io.errors import BadInput as BadInput
 from .io.errors import InputError as InputError
 from .lab.experiment import import_records as import_records

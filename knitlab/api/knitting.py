@@ -10,7 +10,7 @@ import xarray as xr
 from knitlab.api.simulation import Design, case_of_design
 from knitlab.api.single_design import SingleDesign, is_cube, single_design
 from knitlab.api.sweeps import one_of
-from knitlab.export.knitting.chart import Face
+from knitlab.export.knitting.chart import Face, StitchChart
 from knitlab.export.knitting.chart_files import Edge, read_stitches
 from knitlab.export.knitting.instructions import instructions
 from knitlab.export.knitting.knitout import knitout
@@ -224,10 +224,16 @@ def knit(
         raise invalid("repeats", "and needles both set the size; give one of them")
     if repeats is not None and (len(repeats) != 2 or min(repeats) < 1):
         raise invalid("repeats", f"are two counts from 1 up, (y, x), but are {repeats}")
-    used = read_machine(_values(machine), single.yarn)
     if face is not None and single.case.capacitor is None:
         raise invalid("face", f"needs electrodes, and {single.case.label} has none; leave it out")
-    chart = stitch_chart(single.case, repeats, needles, face)
+    return knit_sample(single, stitch_chart(single.case, repeats, needles, face), machine)
+
+
+def knit_sample(
+    single: SingleDesign, chart: StitchChart, machine: Overrides | None = None
+) -> KnitSample:
+    """The chart of a design as a machine knits it; InputError if the machine cannot."""
+    used = read_machine(_values(machine), single.yarn)
     program = knitout(chart, used)
     assumed, differences = _assumptions(single, used)
     return KnitSample(chart, used, single.gauge, program, single.prediction, assumed, differences)

@@ -18,6 +18,7 @@ from knitlab.cubes.selection import only_design
 from knitlab.export.knitting.specification import Prediction
 from knitlab.export.knitting.stitch_chart import is_turned
 from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any
+from knitlab.model.settings import PlainKnit
 from knitlab.model.stitches import Gauge
 from knitlab.runs.cube import read_gauge
 from knitlab.runs.declared_fields import declared
@@ -37,6 +38,7 @@ class SingleDesign(NamedTuple):
     prediction: Prediction | None = None
     material: str | None = None
     yarn: YarnOnMachine | None = None  # what the material says of its yarn and machine
+    plain: PlainKnit | None = None  # of the material, if a workflow names the design
 
 
 def single_design(
@@ -48,7 +50,9 @@ def single_design(
         designs = pd.MultiIndex.from_tuples(plan.designs.values(), names=plan.dims)
         ids = pd.Series([*plan.cases], designs, name="case_id").to_xarray().fillna("").to_dataset()
         case_id = only_design(ids, selections, plan.workflow)["case_id"].item()
-        return SingleDesign(plan.cases[case_id], plan.gauge, None, plan.material, plan.yarn)
+        return SingleDesign(
+            plan.cases[case_id], plan.gauge, None, plan.material, plan.yarn, plan.plain
+        )
     single = _of_cube(as_cube(source), selections)
     given, mistakes = read_overrides(settings)
     values = {override.name: override.value for override in given}

@@ -1,8 +1,8 @@
-"""Commands towards a sample: ``design``, ``knit``, ``read``, ``export``, ``wear``."""
+"""Commands towards a sample: ``design``, ``knit``, ``shape``, ``read``, ``export``, ``wear``."""
 
 import sys
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -10,6 +10,9 @@ import knitlab as kl
 from knitlab.cli import options
 from knitlab.cli.options import COUNT, FILE, PATH, flag, option, repeatable
 from knitlab.io.names import check_suffix
+
+if TYPE_CHECKING:
+    from knitlab.api.knitting import KnitSample
 
 
 @click.command()
@@ -55,6 +58,37 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     options.exit_unless(designed.met)
 
 
+_machine = repeatable(
+    "--machine KEY=VALUE",
+    "Machine of params/machine.toml, such as model=Kniterate, or a value of it, such as end=drop.",
+)
+_outputs = repeatable(
+    "-o --output outputs",
+    "File: .k knitout; .svg, .png or .pdf the stitch chart; .csv a table; .txt words for hands.",
+    FILE,
+)
+
+
+def _check_outputs(outputs: tuple[Path, ...]) -> None:
+    for path in outputs:
+        check_suffix(path, (".k", ".csv", ".txt", *options.FIGURES), "knitout or a chart")
+
+
+def _save(sample: "KnitSample", outputs: tuple[Path, ...], in_the_round: bool = False) -> None:
+    for path in outputs:
+        kind = {".k": "knitout", ".txt": "instructions"}.get(path.suffix, "chart")
+        click.echo(f"{kind:13} {sample.save(path, in_the_round=in_the_round)}")
+
+
+def _no_mistake(sample: "KnitSample") -> bool:
+    """Check the program of a sample, and print what is found."""
+    checked = sample.check()
+    for note in checked.notes:
+        click.echo(f"{'check':13} {note}")
+    options.echo_first([f"knitlab: {mistake}" for mistake in checked.mistakes], err=True)
+    return not checked.mistakes
+
+
 @click.command()
 @click.argument("design", metavar="DESIGN|CUBE")
 @options.select
@@ -66,15 +100,8 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     "Face of the fabric for conductors; by default that to which their ridges point.",
     ["front", "back"],
 )
-@repeatable(
-    "--machine KEY=VALUE",
-    "Machine of params/machine.toml, such as model=Kniterate, or a value of it, such as end=drop.",
-)
-@repeatable(
-    "-o --output outputs",
-    "File: .k knitout; .svg, .png or .pdf the stitch chart; .csv a table; .txt words for hands.",
-    FILE,
-)
+@_machine
+@_outputs
 @flag("--in-the-round", "Words for rounds, in place of rows to and fro.")
 @repeatable("--sheet sheets", "File for the specification sheet, .pdf, .svg or .png.", FILE)
 @flag("--check", "Check the knitout, and compare it with the chart.")
@@ -94,8 +121,7 @@ def knit(
     also predicts the relaxed size and the Poisson's ratio of the sheet.
     Exit code 1 if the check finds a mistake.
     """
-    for path in outputs:
-        check_suffix(path, (".k", ".csv", ".txt", *options.FIGURES), "knitout or a chart")
+    _check_outputs(outputs)
     for path in sheets:
         check_suffix(path, options.FIGURES, "a figure")
     sample = kl.knit(design, overrides=settings, selections=selections, **sample_options)
@@ -105,18 +131,61 @@ def knit(
         click.echo(f"warning: {warning}", err=True)
     for remark in sample.remarks:
         click.echo(f"remark: {remark}", err=True)
-    for path in outputs:
-        kind = {".k": "knitout", ".txt": "instructions"}.get(path.suffix, "chart")
-        click.echo(f"{kind:13} {sample.save(path, in_the_round=in_the_round)}")
+    _save(sample, outputs, in_the_round)
     for path in sheets:
         click.echo(f"{'sheet':13} {sample.save_sheet(path)}")
-    if not check:
-        return
-    checked = sample.check()
-    for note in checked.notes:
-        click.echo(f"{'check':13} {note}")
-    options.echo_first([f"knitlab: {mistake}" for mistake in checked.mistakes], err=True)
-    options.exit_unless(not checked.mistakes)
+    options.exit_unless(not check or _no_mistake(sample))
+
+
+@click.command()
+@click.argument("target", metavar="TARGET", type=FILE)
+@option(
+    "--workflow", "Workflow with the model and the design, by its name or file.", default="periodic"
+)
+@options.select
+@options.settings
+@option(
+    "--border",
+    "How patches end at the outline: none is cut, cut along the grid, or those cut are plain.",
+    ["whole", "cut", "plain"],
+    default="whole",
+)
+@option(
+    "--stretch", "Applied strain at which the piece is to have the outline.", float, default=0.0
+)
+@option("--rounds", "Largest number of pieces that are simulated.", COUNT, default=4)
+@_machine
+@options.results
+@_outputs
+@option("--figure", "File for a figure of the outline and of all rounds: .pdf, .svg or .png.", FILE)
+@flag("--check", "Check the knitout, and compare it with the chart.")
+def shape(
+    target: Path,
+    selections: dict[str, Any],
+    settings: tuple[str, ...],
+    outputs: tuple[Path, ...],
+    figure: Path | None,
+    check: bool,
+    **search: Any,
+) -> None:
+    """Find the chart of a piece that relaxes to an outline, and write knitout for a machine.
+
+    TARGET is a drawing (SVG, its size in mm) of one closed line, or a table of length [mm] and
+    width [mm]. The whole piece is simulated and laid out again until its outline is nearer than a
+    unit cell. Repeat the command to go on after an interruption.
+    Exit code 1 if no piece comes that near, or the check finds a mistake.
+    """
+    _check_outputs(outputs)
+    if figure is not None:
+        check_suffix(figure, options.FIGURES, "a figure")
+    piece = kl.shape(target, overrides=settings, selections=selections, progress=True, **search)
+    for name, value in piece.rows():
+        click.echo(f"{name:13} {value}")
+    if figure is not None:
+        click.echo(f"{'figure':13} {piece.save_figure(figure)}")
+    _save(piece.sample, outputs)
+    is_right = not check or _no_mistake(piece.sample)
+    options.exit_unless(piece.fit.met and is_right)
 
 
 @click.command("read")

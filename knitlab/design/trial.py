@@ -168,9 +168,20 @@ def shape_measure(
     return measured
 
 
-def run_trial(folder: Path, case: Case, gauge: Gauge, own: ShapeFunctions = ()) -> Trial:
-    """Simulate a case, or read its file in a folder if the same code has simulated it before."""
+def run_trial(
+    folder: Path,
+    case: Case,
+    gauge: Gauge,
+    own: ShapeFunctions = (),
+    progress: Callable[[float], None] = lambda states: None,
+) -> Trial:
+    """Simulate a case, or read its file in a folder if the same code has simulated it before.
+
+    ``progress`` is called with the number of finished states, with a fraction.
+    """
     name = case.case_id
     if not case_file.is_undamaged(folder, name) or case_file.read_code(folder, name) != MODEL:
-        case_file.write_case_file(folder, name, simulated(case, lambda name, states: None))
+        case_file.write_case_file(
+            folder, name, simulated(case, lambda name, states: progress(states))
+        )
     return Trial(case, gauge, case_file.read_case(folder, name), own)

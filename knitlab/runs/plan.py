@@ -18,6 +18,7 @@ from knitlab.io.limits import MAX_CASES
 from knitlab.io.provenance import MODEL, file_digests, package_digest, text_digest
 from knitlab.io.shipped import shipped
 from knitlab.model.computing import computing
+from knitlab.model.settings import PlainKnit
 from knitlab.model.stitches import Gauge
 from knitlab.observables.observable import Variable
 from knitlab.observables.schema import SAMPLE
@@ -57,6 +58,7 @@ class Plan:
     gauge: Gauge  # size of a stitch, for the cube's sizes in cloth; no case depends on it
     material: str | None = None  # name of a material in place of the paper's yarn
     yarn: YarnOnMachine | None = None  # what that says of its yarn and machine
+    plain: PlainKnit | None = None  # of the material; its file does not have it
     warnings: tuple[str, ...] = ()  # values that may be mistakes
 
     def __repr__(self) -> str:
@@ -167,6 +169,7 @@ def make_plan(workflow: str, overrides: Overrides = ()) -> Plan:
         gauge=overridden(parameters.gauge, checked.gauge),
         material=parameters.material,
         yarn=parameters.yarn,
+        plain=parameters.plain,
         warnings=unusual_values(
             CaseSettings(checked, {}, parameters, text.source), planned.values()
         ),

@@ -18,6 +18,7 @@ from scipy.ndimage import binary_dilation
 from knitlab.export.knitting.chart import Face, StitchChart
 from knitlab.io.errors import InputError, Mistake, invalid
 from knitlab.model.electrodes import BadLayout, ElectrodeLayout, ridge_lines
+from knitlab.model.network import Spans
 from knitlab.model.pattern import KNIT_OF_LETTER
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH
 from knitlab.solvers.case import Case
@@ -75,7 +76,32 @@ def stitch_chart(
         repeat = repeat[::-1]
         knit = np.full(knit.T.shape, "rib")
     faces = _plated_faces(case, face)
-    return StitchChart(case.label, front, plated, faces, knit, *borders, repeat, periodic)
+    spans = None if case.spans is None else _course_spans(case.spans, rows, columns)
+    return StitchChart(case.label, front, plated, faces, knit, *borders, repeat, periodic, spans)
+
+
+def _course_spans(
+    spans: Spans, rows: "_PatchLines", columns: "_PatchLines"
+) -> Int[np.ndarray, "course 2"]:
+    """Wales of every course of a shaped piece, of which grid cells give each row its edges.
+
+    An edge that moves by no more than a wale in a course goes straight from the middle of a row to
+    the next; one that moves by more has a step between them.
+    """
+    lines = rows.grid_lines
+    courses = np.arange(rows.size) + 0.5
+    edges = []
+    for edge in columns.grid_lines[np.array(spans)].T:
+        at, wale = [], []
+        for row, here in enumerate(edge):
+            at.append((lines[row] + lines[row + 1]) / 2)
+            wale.append(here)
+            after = edge[min(row + 1, len(edge) - 1)]
+            if abs(after - here) > lines[row + 1] - lines[row]:
+                at += [lines[row + 1]] * 2
+                wale += [here, after]
+        edges.append(np.rint(np.interp(courses, at, wale)).astype(int))
+    return np.stack(edges, axis=1)
 
 
 def is_turned(case: Case) -> bool:
