@@ -60,10 +60,8 @@ class ShapedPiece:
         yield "ended", self.fit.ended
         width, length = best.cell
         reached = "below" if self.fit.met else "not below"
-        yield (
-            "distance",
-            f"{best.distance:.3g} mm, {reached} a unit cell ({width:.3g} × {length:.3g} mm)",
-        )
+        cell = f"{reached} a unit cell ({width:.3g} × {length:.3g} mm)"
+        yield "distance", f"{best.distance:.3g} mm, {cell}"
         yield "piece", chart.size
         wales = np.diff(chart.spans, axis=1)
         yield "wales", f"{wales.min()} to {wales.max()}"

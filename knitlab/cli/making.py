@@ -286,4 +286,4 @@ def wear(cube: Path, limb: Path, selections: dict[str, Any], style: str, **sleev
     options.exit_unless(bool(table["between"].all()))
 
 
-COMMANDS = (design, knit, read, export, wear)
+COMMANDS = (design, knit, shape, read, export, wear)

@@ -100,7 +100,8 @@ def _course_spans(
             if abs(after - here) > lines[row + 1] - lines[row]:
                 at += [lines[row + 1]] * 2
                 wale += [here, after]
-        edges.append(np.rint(np.interp(courses, at, wale)).astype(int))
+        # Halves are rounded up, so that an even slope moves by equal steps.
+        edges.append(np.floor(np.interp(courses, at, wale) + 0.5).astype(int))
     return np.stack(edges, axis=1)
 
 
