@@ -63,7 +63,7 @@ class ShapedPiece:
         cell = f"{reached} a unit cell ({width:.3g} × {length:.3g} mm)"
         yield "distance", f"{best.distance:.3g} mm, {cell}"
         yield "piece", chart.size
-        wales = np.diff(chart.spans, axis=1)
+        wales = np.diff(chart.edges, axis=1)
         yield "wales", f"{wales.min()} to {wales.max()}"
 
     def figure(self) -> "Figure":

@@ -21,6 +21,7 @@ LEAST_SIZE = 1e-6  # of an outline [mm]
 PHYSICAL = ("mm", "cm", "in", "pt", "pc", "q")
 
 Points = Float[np.ndarray, "point 2"]
+Places = Sequence[float] | Float[np.ndarray, " place"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +51,7 @@ class Outline:
         return outline
 
     @classmethod
-    def of_widths(
-        cls, length: Sequence[float], width: Sequence[float], name: str = "outline"
-    ) -> "Outline":
+    def of_widths(cls, length: Places, width: Places, name: str = "outline") -> "Outline":
         """The symmetrical outline with a width at every place along the length [mm].
 
         InputError, with the ``name``, if the places do not ascend or a width is not above 0.
