@@ -11,8 +11,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from knitlab.cubes.cube_file import is_measured, source_of
+from knitlab.cubes.cube_file import is_measured, parameters_of, source_of
 from knitlab.figures.style import Look, ink_on, name_rows, number, value_colours
+from knitlab.io.errors import InputError, invalid
 from knitlab.observables.status import Status
 
 MARKS: dict[Status, dict[str, Any]] = {
@@ -39,6 +40,11 @@ MAX_NAMED = 16  # largest number of columns or rows that have a tick each
 MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 3}
 
 
+def not_run() -> InputError:
+    """The error of a figure of which no design has a value."""
+    return invalid("designs", "none of this selection has been simulated; run it first")
+
+
 def planned_designs(cube: xr.Dataset) -> list[xr.Dataset]:
     """The designs of a cube of checkerboards that are not excluded."""
     planned = np.argwhere(cube["status"].values != Status.excluded).tolist()
@@ -48,6 +54,14 @@ def planned_designs(cube: xr.Dataset) -> list[xr.Dataset]:
 def design_name(design: xr.Dataset) -> str:
     """A design as text: ``(4, 16)``."""
     return f"({int(design['n_stripe'])}, {int(design['n_subunit'])})"
+
+
+def pull_note(case: xr.Dataset) -> str:
+    """Why strain is uneven along the pull of a case or cube; empty if it is in equilibrium."""
+    motion = parameters_of(case).get("dynamics") or {}
+    if motion.get("ending") != "time":
+        return ""
+    return f"pulled by {motion['strain_rate']:.1%} a ms: inertia keeps strain uneven along the pull"
 
 
 def periods_of(design: xr.Dataset) -> float:

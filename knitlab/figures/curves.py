@@ -1,7 +1,7 @@
 """Curves of tensile tests against applied strain: dashed if measured, broken where fabric snaps."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -13,15 +13,24 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from knitlab.cubes.cube_file import is_measured, source_of
-from knitlab.figures.cells import periods_of, planned_designs
-from knitlab.figures.style import STRAIN_LABEL, Look, shades, subplots
-from knitlab.io.errors import invalid
+from knitlab.figures.cells import not_run, periods_of, planned_designs
+from knitlab.figures.style import (
+    MARKERS,
+    ONE_COLUMN,
+    STRAIN_LABEL,
+    TWO_COLUMNS,
+    Look,
+    shades,
+    subplots,
+)
 from knitlab.observables.schema import STRAIN
 from knitlab.observables.status import RUN, Status
 
 BAND = 0.25  # opacity of a band
 BREAK = "break: the fabric snaps there"
 ENDED = "the test did not converge beyond"
+NEGLIGIBLE = 1e-9  # value that is zero but for round-off
+MAX_OVER_LEAST = 3.0  # ratio of the ranges of panels up to which they share an axis
 
 
 class Row(NamedTuple):
@@ -34,34 +43,60 @@ class Row(NamedTuple):
 def draw_curves(
     cubes: Sequence[xr.Dataset], rows: Mapping[str, Row], legend: tuple[str, str]
 ) -> Figure:
-    """Curves of designs, with a legend in a corner of a variable's panels; colour encodes P."""
+    """Curves of designs, with a legend in a corner of a variable's panels; P has colour and mark.
+
+    Rows and columns that no design has are left out. Panels of a row share their axis, unless one
+    would be flat.
+    """
     designs = [one for cube in cubes for one in planned_designs(cube) if int(one["status"]) in RUN]
+    rows = {name: row for name, row in rows.items() if _has(designs, name)}
+    designs = [design for design in designs if any(_has([design], name) for name in rows)]
     if not designs:
-        raise invalid("designs", "none of this selection has been simulated; run it first")
-    stripes = sorted({int(n) for cube in cubes for n in cube["n_stripe"].values})
+        raise not_run()
+    stripes = sorted({int(design["n_stripe"]) for design in designs})
     periods = np.unique([periods_of(design) for design in designs])
-    colours = dict(zip(periods, shades(len(periods)), strict=True))
-    figure, grid = subplots(4.9, len(rows), len(stripes), sharex=True, sharey="row", squeeze=False)
+    looks = [
+        {"color": colour, "marker": marker}
+        for colour, marker in zip(shades(len(periods)), MARKERS * len(periods), strict=False)
+    ]
+    of_periods = dict(zip(periods, looks, strict=False))
+    width = TWO_COLUMNS if len(stripes) > 1 else 1.2 * ONE_COLUMN
+    size: Look = {"width": width, "squeeze": False, "sharex": True}
+    figure, grid = subplots(0.4 + 1.5 * len(rows), len(rows), len(stripes), **size)
     variable, corner = legend
     for column, n_stripe in zip(grid.T, stripes, strict=True):
         for design in designs:
             if int(design["n_stripe"]) == n_stripe:
-                _draw_design(column, rows, design, colours[periods_of(design)])
+                _draw_design(column, rows, design, of_periods[periods_of(design)])
         column[0].set_title(f"n_stripe = {n_stripe}")
-        beside = column[list(rows).index(variable)]
-        if beside.lines:
-            small: Look = {"fontsize": 6, "title_fontsize": 6, "borderpad": 0, "labelspacing": 0.15}
-            small["handlelength"] = 1.6 if any(map(is_measured, cubes)) else 1
-            beside.legend(title="n_subunit", loc=corner, **small)
+        small: Look = {"fontsize": 6, "title_fontsize": 6, "borderpad": 0, "labelspacing": 0.15}
+        small["handlelength"] = 1.6 if any(map(is_measured, cubes)) else 1
+        beside = [*rows].index(variable) if variable in rows else -1
+        column[beside].legend(title="n_subunit", loc=corner, **small)
         column[-1].set_xlabel(STRAIN_LABEL)
-    for axes, row in zip(grid[:, 0], rows.values(), strict=True):
-        axes.set_ylabel(row.label)
     for axes in (*grid[0], *grid[-1]):
         axes.axhline(0, color="0.7", lw=0.6, zorder=0)
+    for panels, row in zip(grid, rows.values(), strict=True):
+        panels[0].set_ylabel(row.label)
+        _share(panels)
     figure.align_ylabels(list(grid[:, 0]))
     if notes := _notes(designs, rows):
         figure.legend(handles=notes, loc="outside lower center", ncols=2)
     return figure
+
+
+def _has(designs: Iterable[xr.Dataset], name: str) -> bool:
+    return any(name in one and (abs(one[name]) > NEGLIGIBLE).any() for one in designs)
+
+
+def _share(panels: Sequence[Axes]) -> None:
+    """Give panels side by side one axis, unless a curve would fill little of it."""
+    heights = [np.ptp(panel.get_ylim()) for panel in panels]
+    if max(heights) <= MAX_OVER_LEAST * min(heights):
+        for panel in panels[1:]:
+            panel.sharey(panels[0])
+            panel.tick_params(labelleft=False)
+        panels[0].autoscale()
 
 
 def _notes(designs: Sequence[xr.Dataset], rows: Iterable[str]) -> list[Artist]:
@@ -82,12 +117,13 @@ def _notes(designs: Sequence[xr.Dataset], rows: Iterable[str]) -> list[Artist]:
 
 
 def _draw_design(
-    column: Iterable[Axes], rows: Mapping[str, Row], design: xr.Dataset, colour: Any
+    column: Iterable[Axes], rows: Mapping[str, Row], design: xr.Dataset, marked: Look
 ) -> None:
     measured = is_measured(design)
     label = f"{int(design['n_subunit'])} (P = {int(periods_of(design))})"
     label += f", {source_of(design)}" if measured else ""
-    look: Look = {"color": colour, "ls": "--" if measured else "-", "label": label}
+    look: Look = {"ls": "--" if measured else "-", "label": label, "ms": 2.4} | marked
+    colour = marked["color"]
     for axes, (name, row) in zip(column, rows.items(), strict=True):
         if name not in design:
             continue
@@ -100,7 +136,7 @@ def _draw_design(
         scaled = [row.factor * curve.values[recorded] for curve in curves]
         snapped = snapped_before(design)[recorded]
         strain, value, *band = broken(snapped, design[STRAIN].values[recorded], *scaled)
-        axes.plot(strain, value, marker="" if measured else ".", ms=3, **look)
+        axes.plot(strain, value, **look | ({"marker": ""} if measured else {}))
         if band:
             axes.fill_between(strain, band[0], band[1], color=colour, alpha=BAND, lw=0)
         if int(design["status"]) == Status.not_converged and recorded.any():

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARK = "knitlab-drawn-of:"  # prefix of the fingerprint that is stored in the file of every figure
-MAX_SLICES = 8  # largest number of values of swept settings for which a run draws figures
+MAX_FILES = 12  # of figures, one for each value of swept settings, that a run draws
+COMPARING = {"load_angle": "directions", "cycle": "cycles"}  # figures of all values of a setting
 RUN_SUFFIX = ".png"  # format of the figures of a run
 PALETTE = 256  # colours of a PNG, which is a third as large, and no difference can be seen
 
@@ -46,15 +47,22 @@ class RequestedFigure:
 def requested_figures(
     names: Sequence[str], cube: xr.Dataset, folder: Path
 ) -> tuple[list[RequestedFigure], list[Mistake]]:
-    """The figures of a workflow, one for each swept value unless it compares them, and mistakes."""
+    """The figures of a workflow, one for each swept value unless it compares them, and mistakes.
+
+    Where these would be too many files, one figure compares the values of a setting instead.
+    """
     swept, mistakes = swept_dims(cube), list[Mistake]()
-    number = math.prod(cube.sizes[dim] for dim in swept)
     # Without swept settings matplotlib, which the kinds import, is not needed to know the files.
-    comparing = {name for name in names if swept and figure_kind(name).compares}
-    if number > MAX_SLICES and comparing < set(names):
-        message = f"{number} slices are too many to draw in a run; draw one by knitlab map"
-        mistakes.append(Mistake("figures", message))
-        names = [name for name in names if name in comparing]
+    comparing = [name for name in names if swept and figure_kind(name).compares]
+    sliced_names = [name for name in names if name not in comparing]
+    number = math.prod(cube.sizes[dim] for dim in swept)
+    if number > 1 and number * len(sliced_names) > MAX_FILES:
+        several = [dim for dim in swept if cube.sizes[dim] > 1]
+        instead = [COMPARING.get(dim, "swept") for dim in several] if len(several) == 1 else []
+        shown = f", but {instead[0]}" if instead else ""
+        message = f"{', '.join(sliced_names)} are not drawn for each of {number} values{shown}"
+        mistakes.append(Mistake("figures", f"{message}; draw one by knitlab map with a selection"))
+        names = comparing = list(dict.fromkeys([*comparing, *instead]))
     requested, digest = list[RequestedFigure](), file_digest(cube_path(folder)) if names else ""
     for name in names:
         sliced = () if name in comparing else swept

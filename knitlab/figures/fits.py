@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from knitlab.figures.kinds.curves import ROWS
+from knitlab.figures.kinds.sensitivity import SYMBOLS
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, STRAIN_LABEL, TWO_COLUMNS, name_rows
 
 if TYPE_CHECKING:  # which import JAX
@@ -69,7 +70,7 @@ def fit_figure(fit: "Fit", title: str) -> Figure:
         above.plot(strain, after[column], color=FITTED, label="simulated, fitted")
         above.plot(strain, values, "--", color="black", label="measured")
         above.set(ylabel=label)
-        above.tick_params(labelbottom=False)
+        above.tick_params(bottom=False, labelbottom=False)
         below.axhspan(-1, 1, color=SHADE, lw=0)
         for curves, colour in ((before, BEFORE), (after, FITTED)):
             below.plot(strain, (curves[column] - values) / errors, ".", ms=3, color=colour)
@@ -85,7 +86,8 @@ def fit_figure(fit: "Fit", title: str) -> Figure:
         factors.plot([factor / reach, factor * reach], [row, row], color=FITTED, lw=1.5)
         factors.plot(factor, row, "o", color=FITTED, ms=4)
     factors.axvline(1, color=BEFORE, lw=0.8)
-    name_rows(factors, names)
+    knits = [name.partition("_") for name in names]
+    name_rows(factors, [f"{knit} {SYMBOLS.get(number, number)}" for knit, _, number in knits])
     factors.set_xlabel("fitted / table [1]\n± 2 standard\nerrors")
     handles.append(Patch(color=SHADE, label="difference within one error"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4)

@@ -120,7 +120,9 @@ def pareto_figure(
     for axis, label, on_front in zip("xy", labels, front.T, strict=True):
         # Trials far from the front would hide its shape.
         room = 0.3 * max(float(np.ptp(on_front)), 1.0)
-        limits = max(float(on_front.min()) - room, -0.1), float(on_front.max()) + room
+        high = float(on_front.max()) + room
+        # A point at 0 is not cut by the axis.
+        limits = max(float(on_front.min()) - room, -0.04 * high), high
         axes.set(**{f"{axis}lim": limits})
         getattr(axes, f"set_{axis}label")(f"off by, in tolerances:\n{label}", fontsize="small")
     axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))

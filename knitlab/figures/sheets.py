@@ -8,6 +8,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import LightSource, to_rgba_array
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
@@ -57,6 +58,18 @@ def frame_sheet(axes: Axes3D, around: np.ndarray) -> None:
     across, along, _ = proj_transform(*points.T, axes.get_proj())
     reach = max(np.abs(across).max(), np.abs(along).max())
     axes.set_box_aspect(half, zoom=0.97 * axes.viewLim.x1 / reach)
+
+
+def draw_scale(axes: Axes3D, around: np.ndarray, unit: str = "mm") -> None:
+    """Draw a bar of a round length beside positions (…, component), along x."""
+    points = around.reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    length = max(MaxNLocator(4).tick_values(0, high[0] - low[0])[1], 1e-9)
+    look: Look = {"zs": low[2], "color": "black"}
+    ends = (low[0] + high[0]) / 2 + np.array([-0.5, 0.5]) * length
+    below, text = low[1] - np.array([0.06, 0.14]) * (high[1] - low[1])
+    axes.plot(ends, [below, below], lw=1.2, **look)
+    axes.text(ends.mean(), text, low[2], f"{length:g} {unit}", fontsize=7, ha="center", va="top")
 
 
 def grid_faces(nodes: Float[np.ndarray, "y x 3"]) -> Float[np.ndarray, "face 4 3"]:

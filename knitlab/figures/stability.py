@@ -11,6 +11,7 @@ from knitlab.figures.cells import number_table
 from knitlab.figures.style import (
     CATEGORY_COLOURS,
     ONE_COLUMN,
+    STRAIN_COLOURS,
     STRAIN_LABEL,
     TWO_COLUMNS,
     Look,
@@ -32,13 +33,15 @@ def branches_figure(points: xr.Dataset) -> Figure:
     ):
         axes.set(xlabel=STRAIN_LABEL, ylabel=label)
         values = points[name].values
-        for branch in np.unique(points["branch"]):
+        branches = np.unique(points["branch"])
+        # The first are the widest, so that none hides another.
+        for branch, width in zip(branches, np.linspace(3, 1, len(branches)), strict=True):
             own = points["branch"].values == branch
             colour = CATEGORY_COLOURS[int(branch - 1) % len(CATEGORY_COLOURS)]
             unstable = points["unstable"].values[own] > 0
-            axes.plot(strain[own], values[own], ":", color=colour, lw=0.9)
+            axes.plot(strain[own], values[own], ":", color=colour, lw=0.7 * width)
             solid = np.where(unstable, np.nan, values[own])
-            axes.plot(strain[own], solid, color=colour, lw=1.3, label=f"branch {branch}")
+            axes.plot(strain[own], solid, color=colour, lw=width, label=f"branch {branch}")
         for kind, (marker, label) in MARKS.items():
             at = points["kind"].values == kind
             if at.any():
@@ -53,7 +56,7 @@ def shapes_figure(shapes: xr.Dataset) -> Figure:
     """Relaxed shapes: the lowest, how others differ from it, and the energies between them."""
     few = shapes.isel(shape=slice(SHOWN), to=slice(SHOWN))
     count = few.sizes["shape"]
-    size = (TWO_COLUMNS, 4.6) if count > 1 else (ONE_COLUMN, 2.6)
+    size = (TWO_COLUMNS, 4.0) if count > 1 else (ONE_COLUMN, 2.6)
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.add_gridspec(2 if count > 1 else 1, count, height_ratios=(1.1, 1)[:count])
     panels = [figure.add_subplot(grid[0, k]) for k in range(count)]
@@ -61,10 +64,10 @@ def shapes_figure(shapes: xr.Dataset) -> Figure:
     periodic = "length_x" in shapes
     apart = [each - _nearest(lowest, each, shifted=periodic) for each in others]
     drawn: list[tuple[list[Axes], list[np.ndarray], str]] = [(panels[:1], [lowest], "height [mm]")]
-    drawn += [(panels[1:], apart, "height, less that of shape 1 [mm]")] if apart else []
+    drawn += [(panels[1:], apart, "height, less\nthat of shape 1 [mm]")] if apart else []
     for together, heights, label in drawn:
         largest = max(float(abs(each).max()) for each in heights)
-        look: Look = {"origin": "lower", "cmap": "RdBu", "vmin": -largest, "vmax": largest}
+        look: Look = {"origin": "lower", "cmap": STRAIN_COLOURS, "vmin": -largest, "vmax": largest}
         for panel, height in zip(together, heights, strict=True):
             image = panel.imshow(height, **look)
         figure.colorbar(image, ax=together, label=label, shrink=0.8)
@@ -80,12 +83,11 @@ def shapes_figure(shapes: xr.Dataset) -> Figure:
     if count > 1:
         axes, barrier = figure.add_subplot(grid[1, :]), MICROJOULES * few["barrier"]
         barrier = barrier.where(~np.eye(count, dtype=bool))
-        names = [f"shape {k}" for k in few["shape"].values]
-        barrier = barrier.assign_coords(shape=names, to=names)
         # Light enough for black text.
         light = ScalarMappable(Normalize(0, 2 * max(float(barrier.max()), 1e-9)), "Blues")
         number_table(axes, barrier, "shape", "to", light)
-        axes.set(ylabel="from", title="estimated energy to go from one to another [µJ]")
+        title = "estimated energy to go from one to another [µJ]"
+        axes.set(ylabel="from shape", xlabel="to shape", title=title)
     return figure
 
 

@@ -199,16 +199,18 @@ def test_what_cannot_be_drawn_writes_nothing(cube_file, tmp_path, kind, output, 
     assert list(tmp_path.iterdir()) == [cube_file]
 
 
-def synthetic_case(periodic: bool) -> xr.Dataset:
+def synthetic_case(periodic: bool, pattern: str = "checkerboard") -> xr.Dataset:
     """A flat case of 2 × 1 unit cells of (4, 16), stretched differently in its cells."""
-    rows, columns = (16, 16) if periodic else (33, 17)
+    side = 32 if pattern == "framed" else 16
+    rows, columns = (side, side) if periodic else (2 * side + 1, side + 1)
     y, x = np.mgrid[:rows, :columns]
     flat = np.stack([x, y, 0.1 * (x % 2)], axis=-1)
     cells = (1, 1) if periodic else (2, 1)
     lengths = {name: ("applied_strain", [16.0, 16.0]) for name in ("length_x", "length_y")}
     boundary = "periodic" if periodic else "clamped"
     design = ["n_stripe=4", "n_subunit=16", "cells_per_period=4", "robustness=0"]
-    plan = make_plan("periodic", [*design, f"boundary={boundary}", f"unit_cells={list(cells)}"])
+    design += [f"boundary={boundary}", f"unit_cells={list(cells)}"]
+    plan = make_plan("periodic", [*design, f"pattern={pattern}"])
     (planned,) = plan.cases.values()
     return xr.Dataset(
         {

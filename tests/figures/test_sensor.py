@@ -63,11 +63,13 @@ def test_the_front_is_the_set_of_points_that_none_dominates(points):
 
 def test_the_map_writes_both_figures_and_lists_the_front():
     steep, wide, trade_off = sensor([with_electrodes()]).axes[:3]
-    assert values_written(steep) == ["0.50", "2.00", "1.00"]
+    assert values_written(steep) == ["−0.50", "−2.00", "−1.00"]
     assert values_written(wide) == ["30%", "10%", "5%"]
     hatched = [patch for patch in steep.patches if patch.get_hatch()]
     assert len(hatched) == 3, "failed, pending and not converged are not marked"
-    assert trade_off.get_title(loc="left").endswith("(4, 16) 2.00 pF, 10%; (2, 16) 0.50 pF, 30%")
+    assert trade_off.get_title(loc="left").endswith(
+        "a (4, 16) 2.00 pF, 10%; b (2, 16) 0.50 pF, 30%"
+    )
 
 
 def test_the_papers_checkerboards_are_drawn_with_their_slopes():

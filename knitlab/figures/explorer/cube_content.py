@@ -17,6 +17,7 @@ from knitlab.cubes.case_file import case_path, in_cloth, is_undamaged, read_case
 from knitlab.cubes.cube_file import cube_name, design_dims, is_measured, parameters_of, source_of
 from knitlab.cubes.model_line import model_line
 from knitlab.figures.explorer.shapes import shape_content
+from knitlab.figures.style import is_signed
 from knitlab.io.errors import InputError
 from knitlab.io.image_file import read_image
 from knitlab.observables.schema import FLAGS, INTEGERS, STRAIN
@@ -136,6 +137,7 @@ def _contents(
             "description": one.attrs.get("description", ""),
             "along_strain": STRAIN in one.dims,
             "whole": name in INTEGERS,
+            "signed": is_signed(name),
             "values": [
                 float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
                 for value in values.ravel().tolist()

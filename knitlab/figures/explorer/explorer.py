@@ -17,11 +17,11 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
-from matplotlib.colors import LinearSegmentedColormap, to_hex
+from matplotlib.colors import to_hex
 
 from knitlab.cubes.normalised import naming_missing
 from knitlab.figures.explorer.cube_content import cube_content
-from knitlab.figures.style import SEQUENCE_COLOURS
+from knitlab.figures.style import SEQUENCE_COLOURS, STRAIN_COLOURS
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid
 from knitlab.io.names import check_suffix
@@ -33,10 +33,9 @@ STYLES = ("theme.css", "layout.css", "views.css", "tables.css", "narrow.css")
 """In the order in which they apply."""
 COLOUR_MAPS = {
     "sequence": mpl.colormaps[SEQUENCE_COLOURS],
-    "signed": LinearSegmentedColormap.from_list("signed", ("#185aa7", "#f5f5f5", "#983700")),
+    "signed": STRAIN_COLOURS,
 }
-"""Of numbers of one sign and of both: from blue through near white to orange, in equal steps of
-lightness on both sides of zero; the two hues differ for every kind of colour vision."""
+"""Of numbers of one sign and of both, as in all figures."""
 SHADES = 33
 
 

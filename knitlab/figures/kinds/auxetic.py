@@ -15,6 +15,7 @@ from knitlab.observables.schema import STRAIN
 
 LARGE_SPREAD = 0.05  # of Poisson's ratio over perturbed copies of a design: the map states it
 SPREAD_NOTE = "spread: difference in ν between slightly different fabrics, docs/how-to/spread.md"
+FORCE = "force_per_width"
 NO_RATIO = "no ratio: not stretched, or a single clamped cell"
 
 
@@ -24,10 +25,13 @@ def auxetic(cubes: Sequence[xr.Dataset]) -> Figure:
 
     With one applied strain selected, it shows Poisson's ratio there. Where ν of
     slightly different copies of a design differs by more than 0.05 at any strain, the map states
-    the difference.
+    the difference. Of tests without Poisson's ratio, as under shear, it shows the force at the
+    largest strain.
     """
     if not any("poisson_ratio_min" in cube for cube in cubes):
         raise invalid("auxetic", "shows Poisson's ratio, and there is none; import markers")
+    if forces := _forces(cubes):
+        return forces
     strains = np.unique(np.concatenate([cube[STRAIN].values for cube in cubes]))
     lowest = len(strains) > 1 or strains[0] == 0
     if not lowest:
@@ -53,6 +57,26 @@ def auxetic(cubes: Sequence[xr.Dataset]) -> Figure:
     notes += explained([name], designs)
     marks_legend(figure, marked, NO_RATIO, notes, cubes)
     return figure
+
+
+def _forces(cubes: Sequence[xr.Dataset]) -> Figure | None:
+    """Map of the force at the largest strain, of tests that have it and no Poisson's ratio."""
+    known = [name for name in ("poisson_ratio", FORCE) for cube in cubes if _any(cube, name)]
+    if known != [FORCE] * len(cubes):
+        return None
+    shown = [10 * cube[[FORCE]].isel({STRAIN: -1}) for cube in cubes]
+    shown = [one.assign(status=cube["status"]) for one, cube in zip(shown, cubes, strict=True)]
+    designs = [design for cube in shown for design in planned_designs(cube)]
+    figure, axes = subplots(max(2.4, 1.2 + 0.5 * row_count(designs)))
+    label = f"force over width\nat {float(shown[0][STRAIN]):.0%} [N/cm]"
+    marked = draw_map(axes, shown, FORCE, label, lambda value, _: number(value, ".3g"))
+    notes = ["in each cell: (n_stripe, n_subunit), force: this load gives no Poisson's ratio"]
+    marks_legend(figure, marked, "no force", notes, cubes)
+    return figure
+
+
+def _any(cube: xr.Dataset, name: str) -> bool:
+    return name in cube and bool(cube[name].notnull().any())
 
 
 def _spread(cube: xr.Dataset) -> float:

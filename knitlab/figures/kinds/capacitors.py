@@ -37,7 +37,7 @@ def capacitors(cubes: Sequence[xr.Dataset]) -> Figure:
         hint = "give cubes of the workflows sensor and sensor_stripes"
         raise invalid("capacitors", f"{shown}, and no cube has one; {hint}")
     figure, (ratios, absolute, slopes) = subplots(3.1, 1, 3, width_ratios=(1.3, 1.3, 0.9))
-    names, cells = zip(*samples, strict=True)
+    cells = [cell for _, cell in samples]
     any_measured = any(map(is_measured, cells))
     for (label, cell), colour, dashes in zip(samples, CATEGORY_COLOURS, DASHES * 2, strict=False):
         # Dashes mark measured samples, if there are any.
@@ -54,7 +54,7 @@ def capacitors(cubes: Sequence[xr.Dataset]) -> Figure:
     colours = CATEGORY_COLOURS[: len(cells)]
     bars = slopes.bar(range(len(cells)), np.nan_to_num(values), color=colours)
     slopes.bar_label(bars, [f"{value:.2f}" if np.isfinite(value) else "none" for value in values])
-    slopes.set_xticks(range(len(cells)), names, rotation=40, ha="right")
+    slopes.set_xticks([])  # their colours are those of the curves
     slopes.margins(y=0.1)
     slopes.set_ylabel("mean slope |d$C$/dε| [pF]")
     within = f"central {CENTRAL_PART:.0%} of the range: mean slope"

@@ -1,5 +1,7 @@
 """What contact changes: ν, reaction force and relaxed size of designs with and without it."""
 
+from textwrap import fill
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -7,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import PercentFormatter
 
+from knitlab.figures.curves import break_note, broken, snapped_before
 from knitlab.figures.registry import figure
 from knitlab.figures.style import (
     CATEGORY_COLOURS,
@@ -21,6 +24,9 @@ from knitlab.observables.schema import DESIGN_DIMS
 from knitlab.observables.status import Status
 
 CONTACT = ("none", "barrier")
+PEAK = "peak: a jump that contact moves to another strain"
+LARGE_STEP = 0.05  # of Poisson's ratio, from a strain to the next
+WIDTH_OF_NOTE = 100  # letters
 NAMED = 3  # number of curves, those of the largest changes, that have the names of their designs
 THROUGH = "#FBE3D0"  # colour behind designs that pass through themselves without contact
 NOTE = "relaxed, it passes through itself without contact"
@@ -54,24 +60,36 @@ def contact(cube: xr.Dataset) -> Figure:
     panels = figure.subplot_mosaic([["ratio", "sizes"], ["force", "sizes"]], width_ratios=(1.15, 1))
     ratio, force = panels["ratio"], panels["force"]
     ratio.sharex(force)
-    _draw_changes(ratio, touching["poisson_ratio"] - without["poisson_ratio"], colours)
-    _draw_changes(force, touching["reaction_force"] / without["reaction_force"] - 1, colours)
+    pairs = [
+        (without.isel(design=k), touching.isel(design=k)) for k in range(without.sizes["design"])
+    ]
+    snapped = [snapped_before(one) | snapped_before(other) for one, other in pairs]
+    relative = touching["reaction_force"] / without["reaction_force"] - 1
+    _draw_changes(ratio, touching["poisson_ratio"] - without["poisson_ratio"], snapped, colours)
+    _draw_changes(force, relative, snapped, colours)
     ratio.set_ylabel("change of\nPoisson's ratio [1]")
     ratio.tick_params(labelbottom=False)
     force.set(xlabel=STRAIN_LABEL, ylabel="change of\nreaction force")
     force.yaxis.set_major_formatter(PercentFormatter(1.0))
-    _draw_sizes(panels["sizes"], without, touching, colours)
     handles = [Line2D([], [], color=colour[n], label=f"n_stripe = {n}") for n in stripes]
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+    handles += _draw_sizes(panels["sizes"], without, touching, colours)
+    handles += break_note([one for pair in pairs for one in pair])
+    if _has_peak(touching["poisson_ratio"] - without["poisson_ratio"]):
+        handles.append(Line2D([], [], ls="", label=PEAK))
     if left_out:
-        figure.supxlabel(f"not ok without contact or with it: {left_out}", fontsize=7)
+        note = fill(f"not ok without contact or with it: {left_out}", WIDTH_OF_NOTE)
+        handles.append(Line2D([], [], ls="", label=note))
+    figure.legend(handles=handles, loc="outside lower center", ncols=2)
     return figure
 
 
-def _draw_changes(axes: Axes, changes: xr.DataArray, colours: list[str]) -> None:
+def _draw_changes(
+    axes: Axes, changes: xr.DataArray, snapped: list[np.ndarray], colours: list[str]
+) -> None:
     """Draw the changes over the strain, those of the largest with marks and a name."""
     # Relaxed fabric has neither a Poisson's ratio nor a reaction.
-    changes = changes.sel(applied_strain=changes["applied_strain"] > 0)
+    pulled = changes["applied_strain"].values > 0
+    changes = changes.isel(applied_strain=pulled)
     largest = abs(changes).max("applied_strain").fillna(0).values
     leading = np.argsort(-largest, kind="stable")[:NAMED].tolist()
     for k, (curve, colour) in enumerate(zip(changes, colours, strict=True)):
@@ -79,12 +97,25 @@ def _draw_changes(axes: Axes, changes: xr.DataArray, colours: list[str]) -> None
         if k in leading:
             marker = MARKERS[leading.index(k)]
             look = {"label": str(changes["design"].values[k]), "marker": marker, "ms": 3}
-        axes.plot(curve["applied_strain"], curve, color=colour, lw=0.9, **look)
+        points = broken(snapped[k][pulled], curve["applied_strain"].values, curve.values)
+        axes.plot(*points, color=colour, lw=0.9, **look)
     axes.axhline(0, color="0.7", lw=0.6, zorder=0)
     axes.legend(title="largest", title_fontsize=6, fontsize=6)
 
 
-def _draw_sizes(axes: Axes, without: xr.Dataset, touching: xr.Dataset, colours: list[str]) -> None:
+def _has_peak(changes: xr.DataArray) -> bool:
+    """Whether a change differs from those at both neighbouring strains."""
+    step = changes.transpose("design", "applied_strain").diff("applied_strain").values
+    up, down = step[:, :-1], -step[:, 1:]
+    return bool(
+        (np.minimum(up, down) > LARGE_STEP).any() or (np.maximum(up, down) < -LARGE_STEP).any()
+    )
+
+
+def _draw_sizes(
+    axes: Axes, without: xr.Dataset, touching: xr.Dataset, colours: list[str]
+) -> list[Line2D]:
+    """Draw the changes of the relaxed sizes; the entries of their legend."""
     through = without["self_intersections"].sel(applied_strain=0).values > 0
     for row in np.flatnonzero(through).tolist():
         axes.axhspan(row - 0.5, row + 0.5, color=THROUGH, lw=0, zorder=0)
@@ -100,5 +131,4 @@ def _draw_sizes(axes: Axes, without: xr.Dataset, touching: xr.Dataset, colours: 
     handles = [Line2D([], [], color="0.3", **look) for look in SIZES.values()]
     if through.any():
         handles.append(Line2D([], [], marker="s", ms=7, ls="", color=THROUGH, label=NOTE))
-    above: Look = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
-    axes.legend(handles=handles, ncols=2, fontsize=6.5, **above)
+    return handles

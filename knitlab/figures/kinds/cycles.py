@@ -7,14 +7,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from knitlab.figures.registry import figure
-from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, shades
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, STRAIN_LABEL, TWO_COLUMNS, shades
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import CYCLE, STRAIN
 
 BACK = "reaction_force_unloading"
 OVER_CYCLES = {
     "energy_lost": ("energy lost [mJ/cm²]", 100.0),
-    "residual_strain": ("residual strain [%]", 100.0),
+    "residual_strain": ("residual strain [1]", 1.0),
     "capacitance": ("capacitance at rest [pF]", 1.0),
 }
 """What is shown against the number of the cycle, with a factor on it."""
@@ -43,6 +43,7 @@ def cycles(cube: xr.Dataset) -> Figure:
     figure = Figure(figsize=(TWO_COLUMNS, 2.6), layout="constrained")
     axes = figure.subplots(1, 1 + len(names), width_ratios=[2.0, *(1.0 for _ in names)])
     loops, *numbers = np.atleast_1d(axes)
+    figure.suptitle(", ".join(f"{dim} = {one[dim].item()}" for dim in others), fontsize="medium")
     _draw_loops(loops, one)
     for panel, name, colour, marker in zip(numbers, names, CATEGORY_COLOURS, MARKERS, strict=False):
         label, factor = OVER_CYCLES[name]
@@ -55,13 +56,13 @@ def cycles(cube: xr.Dataset) -> Figure:
 
 
 def _draw_loops(axes: Axes, one: xr.Dataset) -> None:
-    strain = 100 * one[STRAIN].values
+    strain = one[STRAIN].values
     numbers = one[CYCLE].values.tolist()
     for number, colour in zip(numbers, shades(len(numbers)), strict=True):
         loop = one.sel({CYCLE: number})
         axes.plot(strain, loop["reaction_force"], color=colour, label=f"cycle {number}")
         axes.plot(strain, loop[BACK], color=colour, ls="--")
     axes.axhline(0, color="0.6", lw=0.6, zorder=0)
-    axes.set(xlabel="applied strain [%]", ylabel="reaction force [N]")
+    axes.set(xlabel=STRAIN_LABEL, ylabel="reaction force [N]")
     axes.set_title("loading, and unloading dashed")
     axes.legend(loc="upper left")

@@ -7,10 +7,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
-from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
 from scipy.interpolate import RegularGridInterpolator
 
+from knitlab.cubes.case_file import length_unit
 from knitlab.export.meshes.fabric import closed_nodes
 from knitlab.figures import sheets
 from knitlab.figures.registry import figure
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from knitlab.solvers.case import Case
 
 COLOURS = {"A": "#D55E00", "B": "#0072B2"}  # of the electrodes
-SHADES = {"R": "0.82", "G": "0.94", "P": "1.0"}  # grey of every knit, by its letter
-CELLS_PER_TICK, MAX_TICKS = 4, 12
+SHADES = {"R": "0.75", "G": "0.92", "P": "1.0"}  # grey of every knit, by its letter
+MAX_TICKS = 8  # along a side
 FINE, COARSE, FEW_CELLS = 4, 2, 24  # subdivisions of a grid cell: fine up to so many cells
 
 
@@ -53,6 +53,8 @@ def electrodes(case_file: xr.Dataset) -> Figure:
 
 
 def _draw_chart(axes: Axes, case: "Case") -> None:
+    from knitlab.export.knitting.stitch_chart import stitch_chart
+
     sample = case.sample
     rows, columns = sample.row_borders.tolist(), sample.column_borders.tolist()
     for row, column in np.ndindex(sample.knit.shape):
@@ -65,10 +67,14 @@ def _draw_chart(axes: Axes, case: "Case") -> None:
             axes.add_patch(Rectangle((strip.left, strip.bottom), *size, color=colour, lw=0))
     height, width = sample.grid
     axes.set(xlim=(0, width), ylim=(0, height), aspect="equal")
-    axes.set(xlabel="x, weft [grid cells]", ylabel="y, warp [grid cells]")
-    step = CELLS_PER_TICK * int(np.ceil(max(width, height) / CELLS_PER_TICK / MAX_TICKS))
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MultipleLocator(step))
+    axes.set(xlabel="x, weft [wales]", ylabel="y, warp [courses]")
+    chart = stitch_chart(case)
+    for axis, lines, stitches in (
+        (axes.xaxis, columns, chart.column_borders),
+        (axes.yaxis, rows, chart.row_borders),
+    ):
+        some = slice(None, None, 1 + (len(lines) - 1) // MAX_TICKS)
+        axis.set_ticks(lines[some], [str(number) for number in stitches[some]])
 
 
 def _draw_fabric(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
@@ -89,3 +95,4 @@ def _draw_fabric(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
     refined = RegularGridInterpolator([np.arange(n + 1) for n in cells], sheet)
     sheets.draw_sheet(scene, refined(np.stack(fine, axis=-1)), colours.ravel().tolist())
     sheets.frame_sheet(scene, sheet)
+    sheets.draw_scale(scene, sheet, length_unit(case_file))

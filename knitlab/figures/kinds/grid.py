@@ -55,7 +55,7 @@ def grid(
     kept = {dim: used.any(other).values for dim, other in ((x, y), (y, x))}
     values, status = values.isel(kept), status.isel(kept)
     figure, axes = subplots(min(max(2.4, 1.3 + 0.3 * len(values)), 6.5))
-    colours = style.value_colours(values.values)
+    colours = style.value_colours(values.values, style.is_signed(str(values.name)))
     large = values.shape[1] <= MAX_COLUMNS and values.shape[0] <= MAX_ROWS
     rgba = colours.to_rgba(values.values)
     # Three digits of the largest value, and as many decimals of all.

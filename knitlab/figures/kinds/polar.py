@@ -44,7 +44,7 @@ def polar(case: xr.Dataset) -> Figure:
         handles.append(Line2D([], [], color=colour, label=label))
     unit = "N/mm" if plates.attrs["length_unit"] == "mm" else f"N per {plates.attrs['length_unit']}"
     for axes, title in zip(panels, (f"modulus [{unit}]", "Poisson's ratio [1]"), strict=True):
-        frame_polar(axes, title, ["         x, course", "", "y, wale"])
+        frame_polar(axes, title, ["x, course", "", "y, wale"])
     figure.suptitle(sheets.design_text(case), fontsize="medium")
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return figure

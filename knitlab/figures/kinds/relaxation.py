@@ -21,7 +21,7 @@ def relaxation(case: xr.Dataset) -> Figure:
     reached = [contracted >= (fraction - 1e-9) * contracted[-1] for fraction in CONTRACTED]
     chosen = [*(int(np.argmax(each)) for each in reached), len(nodes) - 1]
     figure = Figure(figsize=(TWO_COLUMNS, 4.2))
-    axes = figure.add_axes((0.085, 0.52, 0.9, 0.42))
+    axes = figure.add_axes((0.085, 0.51, 0.9, 0.42))
     time, kinetic = case["time"].values[1:], case["kinetic_energy"].values[1:]
     stored = case["potential_energy"].values
     at_once = stored[0] > stored[-1]  # the folds have all their rest angles at the beginning
@@ -34,7 +34,7 @@ def relaxation(case: xr.Dataset) -> Figure:
     axes.set(xscale="log" if at_once else "linear", yscale="log")
     axes.set_xlim(0.7 * time[0] if at_once else 0, (1.1 if at_once else 1.03) * time[-1])
     axes.set_ylim(max(kinetic[-1], 1e-14), 5 * max(stored))
-    axes.legend(loc="lower left" if at_once else "lower center")
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
     width = 1 / len(chosen)
     beside: Look = {"xytext": (2, -2), "textcoords": "offset points", "va": "top"}
     for column, (snapshot, letter) in enumerate(zip(chosen, "abcd", strict=True)):
@@ -42,11 +42,13 @@ def relaxation(case: xr.Dataset) -> Figure:
         at = max(instant, axes.get_xlim()[0])
         axes.axvline(at, color="0.75", lw=0.6, zorder=0)
         axes.annotate(letter, (at, 1), xycoords=("data", "axes fraction"), **beside)
-        scene = figure.add_axes((column * width, 0.0, width, 0.36), projection="3d")
+        scene = figure.add_axes((column * width, 0.03, width, 0.34), projection="3d")
         sheets.draw_sheet(scene, nodes[snapshot])
         sheets.frame_sheet(scene, nodes)
+        if column == 0:
+            sheets.draw_scale(scene, nodes[:1])
         figure.text((column + 0.5) * width, 0.37, f"{letter}: {instant:.2g} ms", ha="center")
-    figure.text(0.5, 0.97, sheets.design_text(case), ha="center")
+    axes.set_title(sheets.design_text(case), loc="left")
     return figure
 
 

@@ -9,12 +9,15 @@ from matplotlib.figure import Figure
 from knitlab.cubes.case_file import length_unit
 from knitlab.export.meshes.fabric import on_grid_cells
 from knitlab.figures import sheets, style
-from knitlab.figures.cells import design_name
+from knitlab.figures.cells import design_name, pull_note
 from knitlab.figures.kinds.tension import PAPER_DESIGNS, SHOWN_STRAIN
 from knitlab.figures.registry import figure
 from knitlab.figures.style import TWO_COLUMNS, Look
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import STRAIN
+
+LEAST_WIDTH = 0.65  # of a panel, for its title [inch]
+MAX_HEIGHT = 7.5  # of the figure [inch]
 
 
 @figure(needs="position", designs=PAPER_DESIGNS, coordinates=(STRAIN,))
@@ -36,7 +39,9 @@ def samples(cases: Sequence[xr.Dataset]) -> Figure:
     colours = style.value_colours(values, signed=True)
     spans = [np.ptp(state["position"].values[..., :2], axis=(0, 1)) for state in states]
     widths, heights = 1.1 * np.transpose(spans)
-    height = 0.75 * TWO_COLUMNS * heights.max() / widths.sum() + 1.3
+    # No panel is narrower than its title.
+    widths = np.maximum(widths, widths.sum() * LEAST_WIDTH / TWO_COLUMNS)
+    height = min(0.75 * TWO_COLUMNS * heights.max() / widths.sum() + 1.3, MAX_HEIGHT)
     look: Look = {"squeeze": False, "sharey": True, "width_ratios": widths}
     figure, (grid,) = style.subplots(height, 1, len(states), **look)
     for axes, state in zip(grid, states, strict=True):
@@ -49,9 +54,12 @@ def samples(cases: Sequence[xr.Dataset]) -> Figure:
         design = str(state["pattern"].item()).replace("_", " ") if patterned else design_name(state)
         cells_y, cells_x = state["strain_xx"].shape
         shown = sheets.state_text(float(state["applied_strain"]))
-        axes.set(title=f"{design}\n{cells_x} × {cells_y} cells\n{shown}", xlabel="", ylabel="")
-    grid[0].set_ylabel(f"y, warp [{length_unit(cases[0])}]")
-    figure.supxlabel(f"x, weft [{length_unit(cases[0])}]", fontsize="medium")
+        axes.set_title(f"{design}\n{cells_x} × {cells_y} cells\n{shown}", fontsize=7)
+        axes.set(xlabel="", ylabel="")
+    unit = length_unit(cases[0])
+    grid[0].set(xlabel=f"x, weft [{unit}]", ylabel=f"y, warp [{unit}]")
     label = "local transverse strain $\\varepsilon_{xx}$ [1]\nof a unit cell; shading is slope"
     style.colour_bar(list(grid), colours, label=label, shrink=0.8, aspect=30)
+    figure.supxlabel(pull_note(cases[0]), fontsize=7)
+    style.fit_height(figure, grid)
     return figure

@@ -76,8 +76,7 @@ def sensitivity(cube: xr.Dataset) -> Figure:
     cells.remove_frame(axes)
     extend = "both" if np.nanmax(np.abs(values), initial=0) > bound else "neither"
     colour_bar(axes, colours, pad=0.01, extend=extend, label="$p\\,\\partial\\nu/\\partial p$ [1]")
-    figure.supxlabel(NOTE, fontsize="medium")
-    cells.marks_legend(figure, marked, "no derivative, or no lowest ratio")
+    cells.marks_legend(figure, marked, "no derivative, or no lowest ratio", [NOTE])
     return figure
 
 

@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 from math import dist
+from string import ascii_lowercase
 from textwrap import fill
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
@@ -43,7 +45,7 @@ SIGNED = "signed slope"
 CLOSE = 0.05  # of the axes: points so close share one label
 Merits = tuple[Merit, Merit]
 PAPER = (
-    Merit("sensitivity", "sensitivity |dC/dε| [pF]", ".2f"),
+    Merit("sensitivity", "sensitivity |dC/dε| [pF]", "+.2f", SIGNED),
     Merit("working_range", "working range of applied strain [1]", ".0%"),
 )
 
@@ -58,7 +60,9 @@ def sensor(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure:
     if any("capacitance" not in cube for cube in cubes):
         raise invalid("sensor", NEEDED)
     merits: Merits = PAPER
-    if window is not None:
+    if window is None:
+        cubes = [cube.assign({SIGNED: _signed_sensitivity(cube)}) for cube in cubes]
+    else:
         slope, straight = (f"{name}(capacitance, {window})" for name in ("slope", "linearity"))
         cubes = with_columns(cubes, [slope, straight])
         cubes = [cube.assign({slope: abs(cube[slope]), SIGNED: cube[slope]}) for cube in cubes]
@@ -68,22 +72,32 @@ def sensor(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure:
         )
     designs = [design for cube in cubes for design in planned_designs(cube)]
     height = 0.5 + 0.38 * max(row_count(designs), 3)
-    heights = height, height, 3.1
-    figure, (*maps, below) = subplots(sum(heights), 3, height_ratios=heights)
+    table = values_of_designs(cubes, merits)
+    heights = [height, height, 3.1][: 3 if len(table) else 2]
+    figure, (*maps, below) = subplots(sum(heights), len(heights), height_ratios=heights)
+    maps = [*maps, below][:2]
     marked: set[Status] = set()
     for axes, merit in zip(maps, merits, strict=True):
         marked |= draw_map(axes, cubes, merit.name, fill(merit.label, 18), merit.text)
     maps[0].set_xlabel("")
-    notes = ["in each cell: (n_stripe, n_subunit), value"]
+    notes = ["in each cell: (n_stripe, n_subunit), value; −: C falls"]
     notes += explained([merit.name for merit in merits], designs)
     marks_legend(figure, marked, NO_VALUE, notes, cubes)
-    _draw_trade_off(below, cubes, merits)
+    if len(table):
+        _draw_trade_off(below, table, merits)
     return figure
 
 
-def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> None:
+def _signed_sensitivity(cube: xr.Dataset) -> xr.DataArray:
+    """The sensitivity with the sign of the change of the capacitance over the range of sensing."""
+    strain = cube["applied_strain"]
+    within = (strain >= cube["applied_strain_opened"]) & (strain <= cube["sensing_end"])
+    change = cube["capacitance"].where(within).diff("applied_strain").sum("applied_strain")
+    return cube["sensitivity"] * np.sign(change)
+
+
+def _draw_trade_off(axes: Axes, table: pd.DataFrame, merits: Merits) -> None:
     (up, up_label, *_), (across, across_label, form, _) = merits
-    table = values_of_designs(cubes, merits)
     measured = table["measured"]
     shown = table if measured.all() else table[~measured]
     for (n_stripe, points), colour, marker in zip(
@@ -100,30 +114,25 @@ def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> 
         named, points = pd.concat([front, table[measured]]), table[measured]
         axes.plot(points[across], points[up], "o", ms=8, mfc="none", mec="black", label="measured")
     labels: dict[tuple[float, float], str] = {}
-    for _, one in named.iterrows():
-        name = f"({one['n_stripe']}, {one['n_subunit']}){one[COLUMN]}"
-        name += " measured" if one["measured"] and not measured.all() else ""
+    listed = []
+    for letter, (_, one) in zip(ascii_lowercase, named.iterrows(), strict=False):
         at = one[across] / table[across].max(), one[up] / table[up].max()
         close = next((other for other in labels if dist(other, at) < CLOSE), at)
-        labels[close] = ", ".join(filter(None, (labels.get(close), name)))
+        labels[close] = ", ".join(filter(None, (labels.get(close), letter)))
+        name = f"{letter} ({one['n_stripe']}, {one['n_subunit']}){one[COLUMN]}"
+        name += " measured" if one["measured"] and not measured.all() else ""
+        listed.append(f"{name} {one[up]:.2f} pF, {one[across]:{form}}")
+    beside: Look = {"xytext": (4, 2), "textcoords": "offset points", "fontsize": 7}
     for (x, y), text in labels.items():
-        # Nothing lies above and to the right of the front, along which slanted names stay apart.
-        beside: Look = {"xytext": (2, 2), "textcoords": "offset points", "rotation_mode": "anchor"}
-        at = x * table[across].max(), y * table[up].max()
-        axes.annotate(text, at, rotation=45, fontsize=6, **beside)
+        # Nothing lies above and to the right of the front.
+        axes.annotate(text, (x * table[across].max(), y * table[up].max()), **beside)
     axes.set(xlabel=across_label, ylabel=up_label)
-    axes.margins(0.2, 0.35)  # with room for the names
+    axes.margins(0.1, 0.15)  # with room for the letters
     axes.set_ylim(bottom=0)
     axes.set_xlim(left=0)
-    listed = [
-        f"({one['n_stripe']}, {one['n_subunit']}){one[COLUMN]} {one[up]:.2f} pF,"
-        f" {one[across]:{form}}"
-        for _, one in front.iterrows()
-    ]
     axes.set_title(fill(f"Pareto front: {'; '.join(listed)}", 110), loc="left", fontsize=7, pad=20)
-    if len(shown):
-        entries = len(axes.get_legend_handles_labels()[1])
-        axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=entries)
+    entries = len(axes.get_legend_handles_labels()[1])
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=entries)
 
 
 def values_of_designs(cubes: Sequence[xr.Dataset], merits: Merits) -> pd.DataFrame:

@@ -22,7 +22,9 @@ from knitlab.observables.schema import STRAIN
 if TYPE_CHECKING:
     from knitlab.model.pattern import PatchGrid
 
-MAX_NAMES = 4  # patches along a side that are named; where there are more they have a letter each
+MAX_NAMES = (
+    6  # patches along a course whose names have room; where there are more they have letters
+)
 LETTERS = "R rib, G garter, P plain"
 
 
@@ -51,8 +53,9 @@ def shape(case: xr.Dataset) -> Figure:
     sheets.draw_faces(axes, faces, colours.to_rgba(heights), unit)
     borders = (*nodes[sample.row_borders], *nodes[:, sample.column_borders].swapaxes(0, 1))
     axes.add_collection(LineCollection([line[:, :2] for line in borders], colors="white", lw=0.6))
-    _name_patches(axes, nodes, sample, repeat)
-    notes = ["white lines: patch borders", *([LETTERS] if max(repeat) > MAX_NAMES else [])]
+    named = sample.knit.shape[1] <= MAX_NAMES
+    _name_patches(axes, nodes, sample, repeat, named)
+    notes = ["white lines: patch borders", *([] if named else [LETTERS])]
     if "self_intersections" in case and (crossing := int(case["self_intersections"][0])):
         notes.insert(0, f"passes through itself: {crossing} pairs of cells")
     state = "periodic, " if is_periodic(case) else ""
@@ -63,13 +66,12 @@ def shape(case: xr.Dataset) -> Figure:
 
 
 def _name_patches(
-    axes: Axes, nodes: np.ndarray, sample: "PatchGrid", repeat: tuple[int, int]
+    axes: Axes, nodes: np.ndarray, sample: "PatchGrid", repeat: tuple[int, int], named: bool
 ) -> None:
     """Write the knit on the patches of the repeat of the pattern nearest the middle."""
     from knitlab.model.pattern import KNIT_OF_LETTER
 
-    large = max(repeat) <= MAX_NAMES
-    look: Look = {"ha": "center", "va": "center", "color": "white", "fontsize": 8 if large else 6}
+    look: Look = {"ha": "center", "va": "center", "color": "white", "fontsize": 8 if named else 6}
     look["path_effects"] = [withStroke(linewidth=2, foreground="black")]
     counts = np.array(sample.knit.shape)
     rows, columns = (
@@ -79,4 +81,4 @@ def _name_patches(
         row, column = at + repeat * ((counts // repeat - 1) // 2)
         letter = str(sample.knit[row, column])
         across, along = nodes[rows[row], columns[column], :2]
-        axes.text(across, along, KNIT_OF_LETTER[letter] if large else letter, **look)
+        axes.text(across, along, KNIT_OF_LETTER[letter] if named else letter, **look)

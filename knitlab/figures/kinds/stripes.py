@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from knitlab.figures.cells import not_run
 from knitlab.figures.registry import figure
 from knitlab.figures.style import STRAIN_LABEL, Look, shades, subplots
 from knitlab.observables.schema import STRAIN, STRIPE_DIMS
@@ -23,6 +24,9 @@ SHEETS: dict[str, Look] = {
 @figure(dims=STRIPE_DIMS, coordinates=(STRAIN,))
 def stripes(cube: xr.Dataset) -> Figure:
     """Tension curves of pure stripes: zigzag as lines, sheet as points (paper, Fig. 1D, E)."""
+    cube = cube.isel(knit=cube["status"].isin(RUN).any(["n", "boundary"]).values)
+    if not cube.sizes["knit"]:
+        raise not_run()
     figure, panels = stripe_panels(cube)
     sheets = {boundary: SHEETS[boundary] for boundary in cube["boundary"].values}
     for axes, knit in zip(panels, cube["knit"].values, strict=True):

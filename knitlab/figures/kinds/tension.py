@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from knitlab.cubes.cube_file import is_measured, source_of
-from knitlab.figures.cells import design_name, planned_designs
+from knitlab.figures.cells import design_name, planned_designs, pull_note
 from knitlab.figures.registry import figure
 from knitlab.figures.style import Look, colour_bar, subplots, value_colours
 from knitlab.io.errors import invalid
@@ -51,7 +51,9 @@ def tension(cubes: Sequence[xr.Dataset]) -> Figure:
     strains = dict.fromkeys(f"{float(sample['applied_strain']):.0%}" for sample in shown)
     figure.suptitle(f"applied strain {' and '.join(strains)}", fontsize="medium")
     averaged = Patch(**CENTRAL, label="unit cells over which strains are averaged")
-    figure.legend(handles=[averaged], loc="outside lower center")
+    notes = dict.fromkeys(filter(None, map(pull_note, shown)))
+    handles = [averaged, *(Patch(fc="none", ec="none", label=note) for note in notes)]
+    figure.legend(handles=handles, loc="outside lower center", ncols=1)
     return figure
 
 

@@ -1,4 +1,4 @@
-// Colours of values: one map for numbers of one sign, another one centred at zero.
+// Colours of values: one map for numbers, another one centred at zero for those that can be negative.
 
 import { linear } from "explorer/scale";
 
@@ -8,9 +8,9 @@ export const PIN_COLOURS = ["#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9
 export const PIN_MARKS = ["circle", "square", "triangle", "diamond", "down", "star"];
 export const PIN_DASHES = ["", "7 3", "2 3", "9 3 2 3", "12 4", "4 2"];
 
-/** Function that gives the colour of a value within a range, with `signed` and `domain`. */
-export function colourScale(maps, [low, high]) {
-  const signed = low < 0 && high > 0;
+/** Function that gives the colour of a value within a range; about zero if that can be negative. */
+export function colourScale(maps, [low, high], canBeNegative = false) {
+  const signed = canBeNegative || low < 0;
   const largest = Math.max(Math.abs(low), Math.abs(high));
   const domain = signed ? [-largest, largest] : [low, high];
   const colours = (signed ? maps.signed : maps.sequence).map(channels);

@@ -55,7 +55,7 @@ function drawMap(app) {
   const cellHeight = Math.min(Math.max(0.6 * cellWidth, LOWEST_CELL), HIGHEST_CELL);
   const height = rows.length * cellHeight + BOTTOM;
   const variable = cube.variable(state.of);
-  const colour = colourScale(content.colours, cube.extentOf(state.of));
+  const colour = colourScale(content.colours, cube.extentOf(state.of), variable.signed);
   const focused = Boolean(document.activeElement?.closest("#map [data-design]"));
   const pieces = [];
   for (const [place, design] of cells) {

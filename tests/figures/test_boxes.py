@@ -1,0 +1,235 @@
+"""Every figure of every kind of cube can be read, by the boxes of what is drawn."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.figure import Figure
+from PIL import Image
+
+import knitlab as kl
+from knitlab.figures.drawing import draw
+from knitlab.figures.figure_files import draw_into, requested_figures
+from knitlab.figures.registry import figure_kind
+from knitlab.figures.style import shades, subplots
+from knitlab.io.errors import InputError
+from knitlab.observables.status import Status
+from knitlab.runs.figure_names import FIGURE_NAMES
+from tests.figures.boxes import faults
+from tests.figures.test_contact import side_by_side
+from tests.figures.test_drawing import synthetic_case
+from tests.figures.test_uncertainty import ACRYLIC, ROOT
+
+REFERENCE = ROOT / "results" / "reference"
+ONE = {"n_stripe": [4], "n_subunit": [16]}
+
+
+def kept(name: str) -> xr.Dataset:
+    return kl.open_cube(REFERENCE / name)
+
+
+def one(name: str) -> xr.Dataset:
+    return kept(name).sel(ONE)
+
+
+def missing(cube: xr.Dataset) -> xr.Dataset:
+    """A cube whose tests have all failed."""
+    cube = cube.load().copy(deep=True)
+    for variable in cube.data_vars.values():
+        if variable.dtype.kind == "f":
+            variable.values[:] = np.nan
+    planned = cube["status"] != Status.excluded
+    return cube.assign(status=cube["status"].where(~planned, Status.failed).astype(np.int8))
+
+
+def sheared(cube: xr.Dataset) -> xr.Dataset:
+    """A cube of tests without Poisson's ratio, as those under shear and biaxial loads."""
+    ratios = [name for name in cube.data_vars if str(name).startswith("poisson_ratio")]
+    found = cube.load().copy(deep=True)
+    for name in [*ratios, "applied_strain_at_min"]:
+        found[name][:] = np.nan
+    return found
+
+
+def case(folder: str, number: int = 0) -> xr.Dataset:
+    return xr.open_dataset(sorted(Path(REFERENCE, folder, "cases").iterdir())[number])
+
+
+def patterned(periodic: bool) -> xr.Dataset:
+    return synthetic_case(periodic, pattern="framed")
+
+
+def plates(_: xr.Dataset) -> xr.Dataset:
+    """Stiffnesses of an auxetic fabric at five strains."""
+    strain = [0.0, 0.1, 0.2, 0.3, 0.4]
+    one = np.array([[0.1, -0.08, 0], [-0.08, 0.3, 0], [0, 0, 0.05]])
+    stiffness = (("applied_strain", "row", "column"), [(1 + each) * one for each in strain])
+    found = {"membrane_stiffness": stiffness}
+    found |= dict.fromkeys(("modulus_x", "modulus_y"), ("applied_strain", strain))
+    return xr.Dataset(found, {"applied_strain": strain}, {"length_unit": "mm"})
+
+
+def many_contacts() -> xr.Dataset:
+    """Both kinds of contact of twenty designs."""
+    cube = kept("sensor_contact")
+    rows = [
+        cube.isel(n_subunit=[k % 2]).assign_coords(n_stripe=[n], n_subunit=[8 * n * k])
+        for n in (2, 4, 6, 8)
+        for k in range(1, 6)
+    ]
+    joined = xr.concat([row.stack(design=("n_stripe", "n_subunit")) for row in rows], "design")
+    fill = {"status": Status.excluded, "case_id": "", "code": ""}
+    whole = {str(name): fill.get(str(name), np.nan) for name in cube.data_vars}
+    return joined.unstack("design", fill_value=whole)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A figure, the cubes that it shows, and what it is given besides."""
+
+    name: str
+    of: str
+    cubes: Callable[[], list[xr.Dataset]]
+    options: dict[str, Any] = field(default_factory=dict)
+    selections: dict[str, Any] = field(default_factory=dict)
+    fast: bool = False
+
+    def figure(self) -> Figure:
+        return draw(self.name, self.cubes(), self.selections, self.options)
+
+
+def of_designs(name: str, **more: Any) -> list[Drawn]:
+    return [
+        Drawn(name, "large", lambda: [kept("paper")], **more),
+        Drawn(name, "small", lambda: [kept("preview")], **more),
+        Drawn(name, "one design", lambda: [one("periodic")], **more),
+        Drawn(name, "own yarn", lambda: [kept("acrylic")], **more),
+        Drawn(name, "own pattern", lambda: [kept("graded").isel(pattern=[0])], **more),
+        Drawn(name, "missing", lambda: [missing(kept("preview"))], **more),
+        Drawn(name, "sheared", lambda: [sheared(kept("preview"))], **more),
+    ]
+
+
+MATERIAL = {"material": ACRYLIC}
+ALL = [
+    *(each for name in ("auxetic", "curves", "force", "grid") for each in of_designs(name)),
+    *(each for each in of_designs("tension") if each.of in ("large", "missing")),
+    *(each for each in of_designs("wavelength") if each.of != "own yarn"),
+    Drawn("grid", "strains", lambda: [one("paper").squeeze()], {"of": "poisson_ratio"}),
+    Drawn("sensitivity", "own yarn", lambda: [kept("acrylic")], fast=True),
+    Drawn("sensitivity", "missing", lambda: [missing(kept("acrylic"))]),
+    Drawn("uncertainty", "own yarn", lambda: [kept("acrylic")], MATERIAL),
+    Drawn("uncertainty", "missing", lambda: [missing(kept("acrylic"))], MATERIAL),
+    Drawn("sensor", "large", lambda: [kept("sensor")]),
+    Drawn("sensor", "window", lambda: [kept("sensor")], {"window": "0.1:0.3"}),
+    Drawn("sensor", "one design", lambda: [one("sensor")]),
+    Drawn("sensor", "missing", lambda: [missing(kept("sensor"))]),
+    Drawn("capacitors", "large", lambda: [kept("sensor"), kept("sensor_stripes")]),
+    Drawn("capacitors", "one design", lambda: [one("sensor")]),
+    Drawn("capacitors", "missing", lambda: [missing(kept("sensor"))]),
+    Drawn("contact", "large", lambda: [many_contacts()]),
+    Drawn("contact", "small", lambda: [kept("sensor_contact")]),
+    Drawn("contact", "one design", lambda: [one("sensor_contact")]),
+    Drawn("contact", "several n_stripe", lambda: [side_by_side()]),
+    Drawn("contact", "missing", lambda: [missing(kept("sensor_contact"))]),
+    Drawn("cycles", "one design", lambda: [kept("cycles")], fast=True),
+    Drawn("cycles", "missing", lambda: [missing(kept("cycles"))]),
+    Drawn("directions", "one design", lambda: [kept("directions")]),
+    Drawn("directions", "missing", lambda: [missing(kept("directions"))]),
+    Drawn(
+        "options",
+        "large",
+        lambda: [kept("options").isel(hinges=[0])],
+    ),
+    Drawn("stripes", "large", lambda: [kept("stripes")]),
+    Drawn("stripes", "small", lambda: [kept("sensor_stripes")]),
+    Drawn("stripes", "missing", lambda: [missing(kept("stripes"))]),
+    Drawn("swept", "small", lambda: [kept("sensor_layouts")], fast=True),
+    Drawn("swept", "missing", lambda: [missing(kept("sensor_layouts"))]),
+    Drawn("electrodes", "one design", lambda: [case("sensor")]),
+    Drawn("polar", "one design", lambda: [case("periodic")]),
+    Drawn("relaxation", "one design", lambda: [case("folding")]),
+    Drawn("shape", "large", lambda: [case("periodic", 1)]),
+    Drawn("shape", "one design", lambda: [case("preview")], fast=True),
+    Drawn("shape", "own pattern", lambda: [patterned(periodic=True)]),
+    Drawn("samples", "one design", lambda: [case("preview")]),
+    Drawn("samples", "own pattern", lambda: [patterned(periodic=False)]),
+]
+
+
+@pytest.mark.parametrize(
+    "drawn",
+    [
+        pytest.param(
+            each, id=f"{each.name}, {each.of}", marks=() if each.fast else pytest.mark.slow
+        )
+        for each in ALL
+    ],
+)
+def test_a_figure_can_be_read_or_is_refused(drawn, monkeypatch):
+    if drawn.name == "polar":  # whose plates take a minute to compile
+        module = import_module("knitlab.export.plates.plate_stiffness")
+        monkeypatch.setattr(module, "case_plates", plates)
+    try:
+        figure = drawn.figure()
+    except InputError:
+        assert drawn.of in ("missing", "sheared"), "a cube with results has a figure"
+        return
+    assert faults(figure) == []
+
+
+def test_every_figure_is_looked_at():
+    assert {each.name for each in ALL} == set(FIGURE_NAMES)
+
+
+@pytest.mark.parametrize(("count", "files"), [(3, 9), (7, 1)])
+def test_a_run_over_many_values_draws_one_figure_that_compares_them(tmp_path, count, files):
+    cube = one("directions").isel(load_angle=slice(count))
+    cube.to_netcdf(tmp_path / "cube.nc")
+    requested, mistakes = requested_figures(["curves", "auxetic", "shape"], cube, tmp_path)
+    assert len(requested) == files
+    assert len(mistakes) == (count == 7)
+    for mistake in mistakes:
+        assert [each.name for each in requested] == ["directions"]
+        assert all(part in str(mistake) for part in ("figures", "7", "directions", "map"))
+
+
+def test_a_figure_of_python_has_the_resolution_of_the_command_line(tmp_path):
+    drawn = kl.plot.grid(kept("preview"))
+    drawn.savefig(tmp_path / "python.png")
+    draw_into(lambda: draw("grid", [kept("preview")]), tmp_path / "command.png")
+    python, command = (Image.open(tmp_path / f"{name}.png") for name in ("python", "command"))
+    assert python.size == command.size
+
+
+@pytest.mark.slow
+def test_samples_of_three_designs_can_be_read():
+    assert faults(figure_kind("samples").draw([case("preview").load()] * 3)) == []
+
+
+@pytest.mark.parametrize("count", range(1, 9))
+def test_colours_in_an_order_differ(count):
+    figure, axes = subplots(2)
+    for number, colour in enumerate(shades(count)):
+        axes.plot([0, 1], [number, number], color=colour, label=f"{number}")
+    figure.legend(loc="outside right center")
+    assert faults(figure) == []
+
+
+def test_faults_are_found():
+    figure, (left, right) = subplots(2, 1, 2)
+    left.plot([0, 1], [0, 1], color="#440154", label="one")
+    left.plot([0, 1], [1, 0], color="#450457", label="other")
+    left.text(0.5, 0.5, "crossed")
+    left.text(0.5, 0.52, "over it", rotation=45)
+    left.set_title("far to the left", x=-1)
+    right.axhline(0)
+    figure.legend(loc="outside lower center")
+    found = " ".join(faults(figure))
+    for kind in ("slanted", "overlap", "outside", "crosses", "empty panel", "look the same"):
+        assert kind in found
