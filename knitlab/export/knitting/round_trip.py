@@ -95,8 +95,7 @@ def _runs(chart: StitchChart, machine: Machine) -> dict[int, list[_Run]]:
         runs[needle] = []
         for start, stop in changes.tolist():
             cast_on = shaped[start].cast_on
-            before = int(needle in cast_on and len(cast_on) > 1)
-            before = before if start else machine.setup_courses
+            before = int(needle in cast_on and len(cast_on) > 1) if start else machine.setup_courses
             if stop == chart.courses:
                 runs[needle].append(_Run(start, stop, before, machine.end == "bind_off", None))
                 continue

@@ -29,26 +29,27 @@ def shaping(chart: StitchChart, first_direction: int, largest_racking: int) -> l
 
     Courses go to and fro, the first leftwards (``first_direction`` -1) or rightwards (1).
     """
-    starts, stops = chart.edges.T
-    ends = np.stack([starts + 1, stops], axis=1)  # outermost needles of (course, edge)
-    growth = np.zeros((chart.courses + 1, 2), int)
-    growth[1:-1] = np.diff(ends, axis=0) * OUTWARDS
-    kept = np.minimum(stops[1:], stops[:-1]) - np.maximum(starts[1:], starts[:-1])
+    outermost = chart.edges + np.array([1, 0])  # needles at the left and the right
+    ends = np.pad(outermost, ((1, 1), (0, 0)), "edge")  # also before the first course
+    growth = np.diff(ends, axis=0) * OUTWARDS  # of (course, edge) against the course before
     lost = np.maximum(-growth, 0)
-    is_bound = lost > min(MAX_MOVED, largest_racking)
-    is_bound[1:-1] |= (lost[1:-1].sum(axis=1) > kept)[:, None] & (lost[1:-1] > 0)
+    kept = 1 + np.minimum(ends[1:, 1], ends[:-1, 1]) - np.maximum(ends[1:, 0], ends[:-1, 0])
+    fits = lost.sum(axis=1, keepdims=True) <= kept[:, None]
+    is_moved = (lost > 0) & (lost <= min(MAX_MOVED, largest_racking)) & fits
+    is_bound = (lost > 0) & ~is_moved
     shaped = []
     for course in range(chart.courses):
+        moved = []
+        for edge in np.flatnonzero(is_moved[course]).tolist():
+            inwards = -int(OUTWARDS[edge])
+            old, new = ends[course : course + 2, edge].tolist()
+            needles = range(old, new, inwards)
+            moved.append((needles, inwards * len(needles)))
         edge = int(first_direction * (-1) ** course < 0)  # where it begins
         out = int(OUTWARDS[edge])
-        before, here, after = (int(ends[k, edge]) for k in _around(course, chart.courses))
-        grows, will_grow = growth[course : course + 2, edge] > 0
+        before, here, after = ends[course : course + 3, edge].tolist()
         binds, will_bind = is_bound[course : course + 2, edge]
-        moved = [
-            (range(int(ends[course - 1, each]), int(ends[course, each]), -step), step * -int(count))
-            for each, (step, count) in enumerate(zip(OUTWARDS.tolist(), lost[course], strict=True))
-            if count and not is_bound[course, each]
-        ]
+        grows, will_grow = growth[course : course + 2, edge] > 0
         shaped.append(
             CourseShaping(
                 moved,
@@ -58,7 +59,3 @@ def shaping(chart: StitchChart, first_direction: int, largest_racking: int) -> l
             )
         )
     return shaped
-
-
-def _around(course: int, courses: int) -> tuple[int, int, int]:
-    return max(course - 1, 0), course, min(course + 1, courses - 1)
