@@ -142,7 +142,7 @@ SEEDED = {
         "rack -2\nxfer f1 b3\n",
         "wale 1 is not joined to wale 2",
     ),
-    "too many loops": ("xfer b1 f2\n", "xfer b1 f2\nxfer b2 f3\n", "b2 holds no loop"),
+    "needle without a loop moved": ("xfer b1 f2\n", "xfer b1 f2\nxfer b2 f3\n", "b2 holds no loop"),
 }
 
 
@@ -154,6 +154,19 @@ def test_a_loop_that_is_lost_or_moved_elsewhere_is_found(name):
     assert program != PROGRAM
     mistakes = round_trip(program, TRAPEZOID, MACHINE, interpret=False).mistakes
     assert any(words in each for each in mistakes), mistakes
+
+
+@pytest.mark.parametrize("joined", [3, 4])
+def test_a_needle_holds_at_most_three_loops(joined):
+    lines = [f"tuck - f{number} 3" for number in range(joined, 0, -1)]
+    for number in range(1, joined):
+        shift = joined - number
+        lines += [f"xfer f{number} b{number}", f"rack {shift}", f"xfer b{number} f{joined}"]
+        lines += ["rack 0"]
+    header = PROGRAM[: PROGRAM.index("x-speed")]
+    program = "\n".join([header, "inhook 3", *lines, "releasehook 3", "outhook 3"])
+    mistakes = [str(each) for each in check(program, MACHINE)[0]]
+    assert any("already holds a loop" in each for each in mistakes) == (joined > 3)
 
 
 def test_a_plated_piece_is_refused():
