@@ -123,7 +123,7 @@ def frame_polar(axes: PolarAxes, title: str, names: Sequence[str]) -> None:
 def _place_values(axes: PolarAxes) -> None:
     """Write the values of the circles where they are farthest from all curves, and above these."""
     angles = np.deg2rad([*range(10, 81, 5), *range(100, 171, 5)])
-    values = [value for value in axes.get_yticks().tolist() if value <= axes.get_rmax()]
+    values = [value for value in map(float, axes.get_yticks()) if value <= axes.get_rmax()]
     apart = np.full(len(angles), np.inf)
     for line in axes.lines:
         around, radius = np.asarray(line.get_data(), float)
