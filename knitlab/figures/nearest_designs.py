@@ -20,7 +20,7 @@ from knitlab.observables.schema import VARIABLES
 
 MAX_SHOWN = 6  # designs that are drawn, the nearest first
 WANTED = CATEGORY_COLOURS[2]
-OWN, OTHERS, FRONT = CATEGORY_COLOURS[0], "0.7", CATEGORY_COLOURS[1]
+OWN, OTHERS, FRONT = CATEGORY_COLOURS[0], "0.7", "0.3"
 RANGE = "range over slightly different fabrics"
 NAMED_BY = ("n_stripe", "n_subunit", "pattern")
 COLOURS = tuple(colour for colour in CATEGORY_COLOURS if colour != WANTED)  # of the designs
@@ -81,6 +81,7 @@ def _draw_marks(panel: Axes, reached: Reached, names: list[str], banded: bool) -
     middle = reached.obtained[:shown]
     # Marks, as bars from 0 would hide how near to each other designs are.
     panel.scatter(range(shown), middle, color=COLOURS[:shown], s=30, zorder=5)
+    panel.margins(y=0.15)
     panel.set_xlim(-0.5, shown - 0.5)
     panel.set_xticks(range(shown), names)
     if banded and reached.target.reduction is None:
@@ -109,21 +110,23 @@ def pareto_figure(
 ) -> Figure:
     """Trials by their distances from two targets, for each candidate, and the Pareto front."""
     figure, axes = subplots(3.0, width=ONE_COLUMN * 1.4)
-    for number in sorted(candidates.unique()):
-        in_search = (candidates == number).to_numpy()
-        axes.plot(*distances[in_search].T, "o", ms=4, alpha=0.7, label=f"search {number}")
     front = distances[non_dominated(distances)]
     front = front[np.argsort(front[:, 0])]
+    # Trials far from the front would hide its shape, and are left out.
+    room = 0.3 * np.maximum(np.ptp(front, axis=0), 1.0)
+    high = front.max(axis=0) + room
+    # A point at 0 is not cut by the axis.
+    low = np.maximum(front.min(axis=0) - room, -0.04 * high)
+    near = ((distances >= low) & (distances <= high)).all(axis=1)
+    for number, colour in zip(sorted(candidates.unique()), COLOURS * len(distances), strict=False):
+        shown = distances[(candidates == number).to_numpy() & near]
+        look: Look = {"ms": 4, "alpha": 0.7, "color": colour, "clip_on": False}
+        axes.plot(*shown.T, "o", label=f"search {number}", **look)
     axes.plot(*front.T, "-", color=FRONT, lw=1, label="Pareto front", zorder=0)
     axes.axvspan(0, 1, color=WANTED, alpha=0.1, lw=0, label="within a tolerance")
     axes.axhspan(0, 1, color=WANTED, alpha=0.1, lw=0)
-    for axis, label, on_front in zip("xy", labels, front.T, strict=True):
-        # Trials far from the front would hide its shape.
-        room = 0.3 * max(float(np.ptp(on_front)), 1.0)
-        high = float(on_front.max()) + room
-        # A point at 0 is not cut by the axis.
-        limits = max(float(on_front.min()) - room, -0.04 * high), high
-        axes.set(**{f"{axis}lim": limits})
+    for k, (axis, label) in enumerate(zip("xy", labels, strict=True)):
+        axes.set(**{f"{axis}lim": (low[k], high[k])})
         getattr(axes, f"set_{axis}label")(f"off by, in tolerances:\n{label}", fontsize="small")
     axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from matplotlib.figure import Figure
@@ -15,8 +16,10 @@ from PIL import Image
 import knitlab as kl
 from knitlab.figures.drawing import draw
 from knitlab.figures.figure_files import draw_into, requested_figures
+from knitlab.figures.nearest_designs import nearest_figure, pareto_figure
 from knitlab.figures.registry import figure_kind
-from knitlab.figures.style import shades, subplots
+from knitlab.figures.stability import branches_figure, shapes_figure
+from knitlab.figures.style import print_style, shades, subplots
 from knitlab.io.errors import InputError
 from knitlab.observables.status import Status
 from knitlab.runs.figure_names import FIGURE_NAMES
@@ -205,6 +208,65 @@ def test_a_figure_of_python_has_the_resolution_of_the_command_line(tmp_path):
     draw_into(lambda: draw("grid", [kept("preview")]), tmp_path / "command.png")
     python, command = (Image.open(tmp_path / f"{name}.png") for name in ("python", "command"))
     assert python.size == command.size
+
+
+def branches() -> xr.Dataset:
+    """Three branches of equilibria that part where the first buckles."""
+    strain = np.linspace(0, 0.3, 30)
+    each = [
+        {
+            "applied_strain": strain,
+            "reaction_force": strain * (1 + 3 * number * np.clip(strain - 0.15, 0, None)),
+            "lowest_eigenvalue": 0.1 - strain * (number + 1),
+            "unstable": (strain > 0.2).astype(int),
+            "branch": np.full(30, number + 1),
+            "kind": np.where(np.arange(30) == 15, "branch", ""),
+        }
+        for number in range(3)
+    ]
+    points = {name: ("point", np.concatenate([one[name] for one in each])) for name in each[0]}
+    return xr.Dataset(points, attrs={"design": "(4, 16)"})
+
+
+def shapes(count: int) -> xr.Dataset:
+    """Waves of as many kinds, with the energies between them."""
+    y, x = np.mgrid[:24, :24] * 2 * np.pi / 24
+    number = np.arange(count)
+    found = {
+        "height": (("shape", "y", "x"), [np.sin(x + k) * np.cos(y * (1 + k % 2)) for k in number]),
+        "energy": ("shape", 1 + 1e-3 * number),
+        "starts": ("shape", 1 + number),
+        "barrier": (("shape", "to"), 1e-3 * (number[:, None] + 2.0 * number)),
+    }
+    return xr.Dataset(found, {"shape": 1 + number, "to": 1 + number}, {"design": "(4, 16)"})
+
+
+def found() -> Figure:
+    targets = ["poisson_ratio = -0.7 ± 0.03 @ 0.05:0.25", "reaction_force < 2 @ 0.2"]
+    return nearest_figure(kl.find(REFERENCE / "periodic", targets=targets))
+
+
+def pareto() -> Figure:
+    trials = np.abs(np.random.default_rng(0).normal(0, 2, (60, 2)))
+    searches = pd.Series(np.arange(60) % 3)
+    return pareto_figure(trials, ("poisson_ratio = -0.6 ± 0.02", "knit_cell_x <= 40"), searches)
+
+
+@pytest.mark.parametrize(
+    "figure",
+    [
+        lambda: branches_figure(branches()),
+        lambda: shapes_figure(shapes(4)),
+        lambda: shapes_figure(shapes(1)),
+        found,
+        pareto,
+    ],
+    ids=["branches", "shapes", "shape", "found", "pareto"],
+)
+@pytest.mark.slow
+def test_figures_of_searches_can_be_read(figure):
+    with print_style():
+        assert faults(figure()) == []
 
 
 @pytest.mark.slow
