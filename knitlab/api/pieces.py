@@ -2,30 +2,37 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from tqdm import tqdm
 
 from knitlab.api.knitting import KnitSample, knit_sample
-from knitlab.api.single_design import single_design
+from knitlab.api.single_design import SingleDesign, single_design
 from knitlab.api.sweeps import RESULTS, one_of
 from knitlab.export.knitting.stitch_chart import stitch_chart
-from knitlab.export.pieces.fitting import Fit, fit
+from knitlab.export.pieces.fitting import WIDENING_TOLERANCE, Fit, Fitting, kind_of_row
 from knitlab.export.pieces.outline import Outline, read_outline
 from knitlab.export.pieces.piece import Border, Fabric
+from knitlab.export.pieces.rows import WantedWidening
 from knitlab.figures.figure_files import draw_into
-from knitlab.io.errors import invalid
+from knitlab.io.errors import invalid, shown
 from knitlab.io.names import named_folder
 from knitlab.model.computing import computing
 from knitlab.runs.figure_names import check_figure_suffix
 from knitlab.runs.workflow_file import Overrides
+from knitlab.solvers.case import Case
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_STRETCH = 1.0
+STRAINS = 9  # of tests of endless fabric
+FARTHEST = 3.0  # largest strain of these, over that of the piece: soft rows stretch more
+CHECKERBOARDS = (("GR", "RG"), ("RG", "GR"))
 FOLDER = "shape"  # of case files, in the folder of results
 
 
@@ -56,12 +63,19 @@ class ShapedPiece:
                 continue
             width, length = each.outline.size
             distance = f"{each.distance:.3g} mm from the outline"
+            if self.fit.widening is not None:
+                distance += f", widening within {each.widening_error:.2g}"
             yield f"round {number}", f"{width:.4g} × {length:.4g} mm, {distance}"
         yield "ended", self.fit.ended
         width, length = best.cell
-        reached = "below" if self.fit.met else "not below"
+        reached = "below" if best.distance < min(best.cell) else "not below"
         cell = f"{reached} a unit cell ({width:.3g} × {length:.3g} mm)"
         yield "distance", f"{best.distance:.3g} mm, {cell}"
+        if self.fit.widening is not None:
+            tolerance = f"tolerance {WIDENING_TOLERANCE:g}"
+            yield "widening", f"within {best.widening_error:.2g} of the wanted strain, {tolerance}"
+            for row, group in groupby(best.rows[::-1], key=lambda row: row.label):
+                yield "rows", f"{len(list(group))} × {row}"
         yield "piece", chart.size
         wales = np.diff(chart.edges, axis=1)
         yield "wales", f"{wales.min()} to {wales.max()}"
@@ -89,6 +103,7 @@ def shape(
     *,
     border: Border = "whole",
     stretch: float = 0.0,
+    rows: Sequence[tuple[int, int] | Literal["plain"]] = (),
     rounds: int = 4,
     machine: Overrides | None = None,
     results: str | Path = RESULTS,
@@ -102,15 +117,24 @@ def shape(
     that its cells had, until its outline is nearer than a unit cell or does not come nearer.
     Finished simulations are kept, so that an interrupted search goes on when it is repeated.
 
+    If the target has a ``widening``, the piece is to have the outline when it is relaxed, and to
+    widen so when it is stretched: within 0.05, farther than a unit cell from its clamped ends. Each
+    of its rows of patches is then of the kind that widens nearest to what is wanted there, under
+    the force that all rows bear, corrected in every round by what the last piece lacked.
+
     Args:
         target: a drawing (SVG, its size in mm) of one closed line; a table of ``length [mm]`` and
-            ``width [mm]``; or an :class:`Outline`. The wales run along its length, y.
+            ``width [mm]``, and optionally ``widening [1]``, the wanted strain along the courses; or
+            an :class:`Outline`. The wales run along its length, y.
         workflow: the workflow with the model and the design; its tests are not run.
         overrides: settings of it as text: ``["n_stripe=4", "n_subunit=16"]``.
         selections: a value for each coordinate of the workflow, until one design is left.
         border: how patches end at the outline: ``"whole"``, none is cut; ``"cut"``, along the
             grid; ``"plain"``, those that it cuts are plain knit.
-        stretch: applied strain at which the piece is to have the outline; 0 for the relaxed piece.
+        stretch: applied strain at which the piece is to have the outline, 0 for the relaxed piece,
+            or the widening.
+        rows: with a widening, the further kinds of rows that the piece may have, beside its own:
+            designs (n_stripe, n_subunit) whose garter stripe and height they have, or ``"plain"``.
         rounds: largest number of pieces that are simulated.
         machine: as for :func:`knitlab.knit`.
         results: folder that holds the simulated pieces, in ``shape/``.
@@ -133,18 +157,67 @@ def shape(
     if not 0 <= stretch <= MAX_STRETCH:
         raise invalid("stretch", f"is {stretch:g}; give a strain from 0 to {MAX_STRETCH:g}")
     wanted = target if isinstance(target, Outline) else read_outline(Path(target))
-    single = single_design(workflow, one_of(overrides, settings), selections)
+    given = one_of(overrides, settings)
+    single = single_design(workflow, given, selections)
     if border == "plain" and single.plain is None:
         message = f"takes plain knit, which the material {single.material!r} does not have"
         raise invalid("border plain", f"{message}; take whole or cut, or add it to the material")
+    if single.case.pattern not in CHECKERBOARDS or single.case.grading is not None:
+        message = f"is {shown([*single.case.pattern])}; a piece is cut from the plain checkerboard"
+        raise invalid("pattern", f"{message} of rib and garter: leave it out")
+    widening = None
+    if wanted.widening is not None:
+        if not (stretch and rows):
+            message = "is wanted of the stretched piece, by rows of several kinds; give stretch and"
+            raise invalid("widening", f"{message} rows")
+        widening = WantedWidening(stretch, *wanted.widening)
+    elif rows:
+        raise invalid("rows", "are for a target with a widening; leave them out, or add it")
     fabric = Fabric(single.case, single.gauge, single.plain, border)
     folder = named_folder(Path(results), FOLDER)
+    strains = [0.0]
+    if stretch:
+        most = stretch if widening is None else FARTHEST * stretch
+        strains = np.linspace(0, most, STRAINS).tolist()
     with tqdm(total=rounds, unit="piece", disable=not progress) as bar:
 
         def report(number: int, states: float) -> None:
             bar.set_description("endless fabric" if number == 0 else f"piece {number}")
             bar.update(max(number - 1, 0) - bar.n)
 
-        found = fit(fabric, wanted, folder, stretch, rounds, report)
+        kinds = [
+            kind_of_row(fabric, label, design, strains, folder, partial(report, 0))
+            for label, design in _kinds(single, rows, workflow, given, selections)
+        ]
+        fitting = Fitting(fabric, kinds, wanted, widening, stretch, folder)
+        found = fitting.run(rounds, report)
     best = single._replace(case=found.best.case)
     return ShapedPiece(found, knit_sample(best, stitch_chart(best.case), machine))
+
+
+def _kinds(
+    single: SingleDesign,
+    rows: Sequence[tuple[int, int] | Literal["plain"]],
+    workflow: str | Path,
+    given: Overrides,
+    selections: Mapping[str, Any],
+) -> Iterator[tuple[str, Case | None]]:
+    """The designs of the kinds of rows by their labels, the piece's own first; None is plain."""
+    yield single.case.label, single.case
+    of_design = ("n_stripe", "n_subunit")
+    for row in rows:
+        if row == "plain":
+            if single.plain is None:
+                message = f"is not known of the material {single.material!r}"
+                raise invalid("rows plain", f"{message}; add it to its file, or leave them out")
+            yield "plain", None
+            continue
+        own: Overrides
+        if isinstance(given, Mapping):
+            own = {**given, **dict(zip(of_design, row, strict=True))}
+        else:
+            others = [text for text in given if text.partition("=")[0].strip() not in of_design]
+            own = [*others, *(f"{n}={value}" for n, value in zip(of_design, row, strict=True))]
+        others_chosen = {name: value for name, value in selections.items() if name not in of_design}
+        case = single_design(workflow, own, others_chosen).case
+        yield case.label, case

@@ -137,6 +137,17 @@ def knit(
     options.exit_unless(not check or _no_mistake(sample))
 
 
+def _kind_of_rows(text: str) -> tuple[int, int] | Literal["plain"]:
+    if text.strip() == "plain":
+        return "plain"
+    try:
+        n_stripe, n_subunit = map(int, text.split(","))
+    except ValueError as error:
+        message = f"{text!r} is neither a design such as 8,32 nor plain"
+        raise click.BadParameter(message) from error
+    return n_stripe, n_subunit
+
+
 @click.command()
 @click.argument("target", metavar="TARGET", type=FILE)
 @option(
@@ -152,6 +163,11 @@ def knit(
 )
 @option(
     "--stretch", "Applied strain at which the piece is to have the outline.", float, default=0.0
+)
+@repeatable(
+    "--rows N_STRIPE,N_SUBUNIT|plain",
+    "With a widening, a further kind of rows of patches that the piece may have.",
+    callback=lambda _, __, texts: [_kind_of_rows(text) for text in texts],
 )
 @option("--rounds", "Largest number of pieces that are simulated.", COUNT, default=4)
 @_machine
@@ -173,6 +189,9 @@ def shape(
     TARGET is a drawing (SVG, its size in mm) of one closed line, or a table of length [mm] and
     width [mm]. The whole piece is simulated and laid out again until its outline is nearer than a
     unit cell. Repeat the command to go on after an interruption.
+
+    A column widening [1] in the table is the strain along the courses that the piece is to have
+    when it is stretched: --stretch says by how much, --rows of which rows it may be made.
     Exit code 1 if no piece comes that near, or the check finds a mistake.
     """
     _check_outputs(outputs)

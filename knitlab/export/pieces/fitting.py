@@ -4,20 +4,25 @@ Each round simulates the whole piece. The sizes of its grid cells at every heigh
 neighbours change, are those by which the next piece is laid out.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
 
 from knitlab.design.trial import run_trial
 from knitlab.export.pieces.outline import Outline
-from knitlab.export.pieces.piece import Fabric, Scale, finished
+from knitlab.export.pieces.piece import UNCHANGED, Along, Fabric, PlanView, Scale, mean_of_rows
+from knitlab.export.pieces.rows import Row, WantedWidening, chosen_rows
+from knitlab.model.pattern import Grading
 from knitlab.solvers.case import Case
+from knitlab.solvers.equilibrium.settings import Solver
 
-GAIN = 0.95  # of the distance, above which a further round is not worth its time
+GAIN = 0.95  # of the error, above which a further round is not worth its time
+WIDENING_TOLERANCE = 0.05  # of the strain along the courses
 
 Report = Callable[[int, float], None]
 """Called with the number of a round, from 0 for endless fabric, and the part that is done."""
@@ -33,12 +38,28 @@ class Round:
             converge [mm].
         distance: Hausdorff distance of the outline from the wanted one [mm].
         cell: mean width and length of its unit cells [mm].
+        rows: its rows of patches, from below.
+        place: places along the relaxed piece, from 0 to 1.
+        widening: strain along the courses at these, when it is stretched [1].
+        widening_error: largest difference from the wanted one, but near the ends; 0 if none is
+            wanted [1].
     """
 
     case: Case
-    outline: Outline | None
-    distance: float
-    cell: tuple[float, float]
+    rows: Sequence[Row]
+    outline: Outline | None = None
+    distance: float = np.nan
+    cell: tuple[float, float] = (np.nan, np.nan)
+    place: Along = field(default_factory=lambda: np.zeros(0))
+    widening: Along = field(default_factory=lambda: np.zeros(0))
+    widening_error: float = 0.0
+
+    @property
+    def error(self) -> float:
+        """Distance and error of widening, the larger, in tolerances; infinite if none is known."""
+        if self.outline is None:
+            return np.inf
+        return max(self.distance / min(self.cell), self.widening_error / WIDENING_TOLERANCE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,29 +68,29 @@ class Fit:
 
     Attributes:
         wanted: the wanted outline [mm].
+        widening: the wanted widening, if any.
         rounds: the pieces, in order.
         ended: why the last round was the last.
     """
 
     wanted: Outline
+    widening: WantedWidening | None
     rounds: tuple[Round, ...]
     ended: str
 
     @property
     def best(self) -> Round:
-        """The round whose outline is nearest; the last if none converged."""
-        known = [each for each in self.rounds if each.outline is not None]
-        return min(known, key=lambda each: each.distance) if known else self.rounds[-1]
+        """The round with the least error."""
+        return min(self.rounds, key=lambda each: each.error)
 
     @property
     def met(self) -> bool:
-        """Whether the outline is nearer than a unit cell is long and wide."""
-        best = self.best
-        return best.outline is not None and best.distance < min(best.cell)
+        """Whether its outline is nearer than a unit cell, and its widening within the tolerance."""
+        return self.best.error < 1
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row for every round: size of the grid and of the piece, and the distance [mm]."""
+        """A row for every round: size of the grid and of the piece, and how far it is off."""
         return pd.DataFrame(
             {
                 "round": number,
@@ -78,56 +99,162 @@ class Fit:
                 "width": each.outline.size[0] if each.outline else np.nan,
                 "length": each.outline.size[1] if each.outline else np.nan,
                 "distance": each.distance,
+                "widening_error": each.widening_error,
                 "case_id": each.case.case_id,
             }
             for number, each in enumerate(self.rounds, start=1)
         )
 
 
-def fit(
-    fabric: Fabric, wanted: Outline, folder: Path, strain: float, rounds: int, report: Report
-) -> Fit:
-    """Pieces of a fabric, until one has the outline; their case files are kept in a folder."""
-    done: list[Round] = []
-    ended = f"the limit of {rounds} rounds was reached"
-    scale = _endless(fabric, folder, strain, partial(report, 0))
-    while len(done) < rounds:
-        case = fabric.piece(wanted, scale, strain)
-        if case.case_id in [each.case.case_id for each in done]:
-            ended = "its rows and columns no longer change"
-            break
-        trial = run_trial(folder, case, fabric.gauge, progress=partial(report, len(done) + 1))
-        if not trial.converged:
-            done.append(Round(case, None, np.nan, (np.nan, np.nan)))
-            ended = f"a piece did not come to rest: {trial.results.attrs['reason']}"
-            break
-        positions = trial.results["position"].values[-1]
-        outline, scale = finished(case, positions, fabric.mm_of_cloth)
-        outline = outline.centred_on(wanted)
-        cells = 2 * fabric.patch
-        cell = cells * float(scale.width.mean()), cells * float(scale.height.mean())
-        done.append(Round(case, outline, outline.distance(wanted), cell))
-        if len(done) > 1 and done[-1].distance > GAIN * done[-2].distance:
-            ended = "a further round gained less than 5 %"
-            if min(each.distance for each in done) < min(cell):
+@dataclass(eq=False)
+class Fitting:
+    """What all rounds share.
+
+    Attributes:
+        fabric: what the pieces are cut from.
+        kinds: the kinds of rows that a piece may have; without a wanted widening the first alone.
+        wanted: the wanted outline [mm].
+        widening: the wanted widening of the relaxed piece, if any.
+        strain: applied strain at which the piece is to have the outline, without a widening.
+        folder: where case files are kept.
+    """
+
+    fabric: Fabric
+    kinds: Sequence[Row]
+    wanted: Outline
+    widening: WantedWidening | None
+    strain: float
+    folder: Path
+
+    def run(self, rounds: int, report: Report) -> Fit:
+        """Pieces until one is near enough, or does not come nearer."""
+        done: list[Round] = []
+        ended = f"the limit of {rounds} rounds was reached"
+        factor, aim = UNCHANGED, self.widening
+        # Without a widening the piece has the outline when it is stretched.
+        strain = self.strain if aim is None else aim.stretch
+        while len(done) < rounds:
+            rows = self._rows(factor, aim)
+            endless = self.fabric.endless(rows)
+            case = self.fabric.piece(self.wanted, rows, endless.times(factor), strain)
+            if case.case_id in [each.case.case_id for each in done]:
+                ended = "its rows and columns no longer change"
                 break
-    return Fit(wanted, tuple(done), ended)
+            progress = partial(report, len(done) + 1)
+            trial = run_trial(self.folder, case, self.fabric.gauge, progress=progress)
+            if not trial.converged:
+                done.append(Round(case, rows))
+                ended = f"a piece did not come to rest: {trial.results.attrs['reason']}"
+                break
+            plane = trial.results["position"].values[..., :2] * self.fabric.mm_of_cloth
+            done.append(self._round(case, rows, plane))
+            window = 2 * self.fabric.patch
+            shaped = PlanView(case, plane[-1 if self.widening is None else 0])
+            factor = shaped.scale.smooth(window).over(endless.smooth(window))
+            if aim is not None:
+                aim = self._corrected(aim, done[-1])
+            if len(done) > 1 and done[-1].error > GAIN * done[-2].error:
+                ended = "a further round gained less than 5 %"
+                if min(each.error for each in done) < 1:
+                    break
+        return Fit(self.wanted, self.widening, tuple(done), ended)
+
+    def _rows(self, factor: Scale, aim: WantedWidening | None) -> list[Row]:
+        _, length = self.wanted.size
+        if aim is None:
+            return self.fabric.rows_of(self.kinds[0].stretched(self.strain), length, factor)
+
+        def width(height: float) -> float:
+            left, right = self.wanted.edges(np.array([height]))
+            return float(right[0] - left[0])
+
+        cells = self.fabric.case.options.cells_per_period
+        shrinking = float(factor.height.mean())
+        return chosen_rows(
+            self.kinds, cells, length / shrinking, lambda y: width(y * shrinking), aim
+        )
+
+    def _round(
+        self, case: Case, rows: Sequence[Row], plane: Float[np.ndarray, "state y x 2"]
+    ) -> Round:
+        at_rest, stretched = PlanView(case, plane[0]), PlanView(case, plane[-1])
+        shaped = stretched if self.widening is None else at_rest
+        outline = shaped.outline.centred_on(self.wanted)
+        cells = 2 * self.fabric.patch
+        scale = shaped.scale
+        known = Round(
+            case,
+            rows,
+            outline,
+            outline.distance(self.wanted),
+            (cells * float(scale.width.mean()), cells * float(scale.height.mean())),
+        )
+        if self.widening is None:
+            return known
+        before, after = (mean_of_rows(each.widths, cells) for each in (at_rest, stretched))
+        place = at_rest.places
+        widening = after / before - 1
+        off = np.abs(widening - self.widening.at(place))[self._inside(place, known.cell[1])]
+        return replace(known, place=place, widening=widening, widening_error=float(off.max()))
+
+    def _inside(self, place: Along, cell: float) -> np.ndarray:
+        """Places farther from the clamped ends than a unit cell, if there are any."""
+        _, length = self.wanted.size
+        inside = np.minimum(place, 1 - place) * length > cell
+        return inside if inside.any() else np.ones(len(place), bool)
+
+    def _corrected(self, aim: WantedWidening, last: Round) -> WantedWidening:
+        """What to aim at, so that the next piece has what this one lacks."""
+        assert self.widening is not None
+        lack = self.widening.at(last.place) - last.widening
+        # Clamped ends cannot widen, whatever their rows are.
+        lack[~self._inside(last.place, last.cell[1])] = 0.0
+        return replace(aim, place=last.place, widening=aim.at(last.place) + lack)
 
 
-def _endless(fabric: Fabric, folder: Path, strain: float, report: Callable[[float], None]) -> Scale:
-    """The sizes of grid cells in endless fabric."""
+def kind_of_row(
+    fabric: Fabric,
+    label: str,
+    design: Case | None,
+    strains: Sequence[float],
+    folder: Path,
+    report: Callable[[float], None],
+) -> Row:
+    """A kind of row between columns of a fabric, by simulation of endless fabric of it.
+
+    Its garter stripe and height are those of a design, or it is plain knit without one. ``strains``
+    ascend from 0.
+    """
+    own = fabric.case
+    row = own if design is None else design
+    grading = Grading((row.periods,) * 2, (own.periods,) * 2, (row.warp,) * 2, (own.weft,) * 2)
     case = replace(
-        fabric.case,
+        own,
+        pattern=own.pattern if design else ("PP", "PP"),
+        grading=None if row is own and design else grading,
+        plain=None if design else fabric.plain,
         unit_cells=(1, 1),
-        options=replace(fabric.case.options, boundary="periodic"),
-        applied_strain=(0.0, strain) if strain else (0.0,),
+        options=replace(own.options, boundary="periodic"),
+        method="equilibrium",
+        solver=own.solver or Solver(),
+        applied_strain=tuple(strains),
         sensitivities=False,
         robustness=0,
         capacitor=None,
     ).without_unused()
     results = run_trial(folder, case, fabric.gauge, progress=report).results
     relaxed = np.array([float(results[f"relaxed_cell_{axis}"]) for axis in "xy"])
-    strains = [float(results[f"mean_strain_{part}"][-1]) for part in ("xx", "yy")]
-    cells = np.array([2 * fabric.patch, 2 * fabric.patch])
-    width, height = relaxed * (1 + np.array(strains)) * fabric.mm_of_cloth / cells
-    return Scale.even(float(width), float(height))
+    known = np.flatnonzero(np.isfinite(results["mean_strain_xx"].values))
+    across, along = (results[f"mean_strain_{part}"].values[known] for part in ("xx", "yy"))
+    width, height = relaxed * fabric.mm_of_cloth
+    cells = np.array([own.periods, row.periods]) * 2 * own.options.cells_per_period
+    return Row(
+        label=label,
+        stripe=row.warp,
+        periods=row.periods,
+        is_plain=design is None,
+        cell=(float(width / cells[0]), float(height / cells[1])),
+        strain=along,
+        force=results["reaction_force"].values[known] / float(width),
+        widening=across,
+    )

@@ -1,7 +1,7 @@
 """The outline of a finished piece: a closed line that every course crosses twice."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,14 @@ from knitlab.io.table_file import read_columns
 
 EXAMPLE = "write it as in 'length [mm],width [mm]'"
 SVG = ".svg"
+WIDENING = "widening"  # a column of the table [1]
 CURVE_POINTS = 64  # on a curve of a drawing
 POINTS = 2000  # at equal distances, that stand for a line
 LEAST_SIZE = 1e-6  # of an outline [mm]
 PHYSICAL = ("mm", "cm", "in", "pt", "pc", "q")
 
 Points = Float[np.ndarray, "point 2"]
+Along = Float[np.ndarray, " place"]
 Places = Sequence[float] | Float[np.ndarray, " place"]
 
 
@@ -30,9 +32,12 @@ class Outline:
 
     Attributes:
         points: its corners in order; the lowest has y = 0, and x = 0 is in the middle [mm].
+        widening: strain along the courses that the stretched piece is to have, by its place from 0
+            to 1 along the relaxed piece; None if any is good [1].
     """
 
     points: Points
+    widening: tuple[Along, Along] | None = None
 
     @classmethod
     def of(cls, points: Points, name: str) -> "Outline":
@@ -51,10 +56,17 @@ class Outline:
         return outline
 
     @classmethod
-    def of_widths(cls, length: Places, width: Places, name: str = "outline") -> "Outline":
+    def of_widths(
+        cls,
+        length: Places,
+        width: Places,
+        widening: Places | None = None,
+        name: str = "outline",
+    ) -> "Outline":
         """The symmetrical outline with a width at every place along the length [mm].
 
-        InputError, with the ``name``, if the places do not ascend or a width is not above 0.
+        ``widening`` is the wanted strain along the courses at these places [1]. InputError, with
+        the ``name``, if the places do not ascend, a width is not above 0 or a strain is none.
         """
         half, at = np.asarray(width, float) / 2, np.asarray(length, float)
         if half.shape != at.shape or len(at) < 2 or not (np.diff(at) > 0).all():
@@ -62,7 +74,14 @@ class Outline:
         if not (half > 0).all():
             raise invalid(name, f"has a width of {2 * half.min():g} mm; give all above 0")
         right = np.stack([half, at], axis=1)
-        return cls.of(np.concatenate([right, (right * [-1, 1])[::-1]]), name)
+        outline = cls.of(np.concatenate([right, (right * [-1, 1])[::-1]]), name)
+        if widening is None:
+            return outline
+        wanted = np.asarray(widening, float)
+        if wanted.shape != at.shape or not (np.abs(wanted) < 1).all():
+            message = "has a widening that is no strain between -1 and 1; give one for each place"
+            raise invalid(name, message)
+        return replace(outline, widening=((at - at[0]) / (at[-1] - at[0]), wanted))
 
     @property
     def size(self) -> tuple[float, float]:
@@ -117,8 +136,10 @@ def read_outline(path: Path) -> Outline:
     """The outline in a drawing (SVG) or in a table of widths; InputError if there is none."""
     if path.suffix.lower() == SVG:
         return Outline.of(_drawn(path), str(path))
-    columns = read_columns(path, {"length": "mm", "width": "mm"}, EXAMPLE).numbers
-    return Outline.of_widths(columns["length"], columns["width"], str(path))
+    needed = {"length": "mm", "width": "mm"}
+    columns = read_columns(path, needed, EXAMPLE, optional=(WIDENING,)).numbers
+    wanted = columns.get(WIDENING)
+    return Outline.of_widths(columns["length"], columns["width"], wanted, str(path))
 
 
 def _drawn(path: Path) -> Points:

@@ -5,6 +5,7 @@ and of each row the columns between its edges. How long and how wide a grid cell
 piece is, at each height, is a :class:`Scale`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -12,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.export.pieces.outline import Outline
+from knitlab.export.pieces.rows import Row
 from knitlab.io.errors import invalid
 from knitlab.model.network import Spans
 from knitlab.model.pattern import Grading
@@ -30,21 +32,51 @@ Along = Float[np.ndarray, " row"]
 
 @dataclass(frozen=True, eq=False)
 class Scale:
-    """Size of a grid cell of the finished piece, at places from 0 at its lower end to 1 [mm]."""
+    """Sizes at places from 0 at the lower end of a piece to 1.
+
+    Attributes:
+        place: the places, ascending.
+        width: of a grid cell [mm], or a factor on it.
+        height: the same along the wales.
+    """
 
     place: Along
     width: Along
     height: Along
 
     @classmethod
-    def even(cls, width: float, height: float) -> "Scale":
-        """The same size everywhere."""
-        return cls(np.array([0.5]), np.array([width]), np.array([height]))
+    def of_rows(cls, width: Along, height: Along) -> "Scale":
+        """Sizes in the rows of a grid."""
+        return cls((np.arange(len(width)) + 0.5) / len(width), width, height)
 
     def at(self, place: Along) -> tuple[Along, Along]:
         """Width and height at other places."""
         width, height = (np.interp(place, self.place, of) for of in (self.width, self.height))
         return width, height
+
+    def over(self, other: "Scale") -> "Scale":
+        """Sizes over those of another scale, at the same places."""
+        return Scale(self.place, self.width / other.width, self.height / other.height)
+
+    def times(self, factor: "Scale") -> "Scale":
+        """Sizes with a factor at every place."""
+        width, height = factor.at(self.place)
+        return Scale(self.place, self.width * width, self.height * height)
+
+    def smooth(self, window: int) -> "Scale":
+        """Means over so many neighbouring rows."""
+        return Scale(self.place, *(mean_of_rows(of, window) for of in (self.width, self.height)))
+
+
+UNCHANGED = Scale.of_rows(np.ones(1), np.ones(1))
+"""The factor of sizes that are those of endless fabric."""
+
+
+def mean_of_rows(values: Along, window: int) -> Along:
+    """Means over so many neighbouring rows, fewer at the ends."""
+    kernel = np.ones(min(window, len(values)))
+    counts = np.convolve(np.ones(len(values)), kernel, "same")
+    return np.convolve(values, kernel, "same") / counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,50 +110,62 @@ class Fabric:
         along_x = stitches.wales_in_cell * gauge.stitch_width / width
         return np.array([along_x, stitches.courses_in_cell * gauge.stitch_height / height])
 
-    def piece(self, outline: Outline, scale: Scale, strain: float = 0.0) -> Case:
-        """The case of the piece that has an outline, if its grid cells have the sizes of a scale.
+    def rows_of(self, kind: Row, length: float, factor: Scale) -> list[Row]:
+        """Rows of one kind that a length needs; the last one may be lower, unless all are whole."""
+        cells = self.case.options.cells_per_period
+        _, factors = factor.at(np.linspace(0, 1, 101))
+        periods = length / (kind.cell[1] * float(factors.mean()) * cells)
+        unit = kind.periods if self.border == "whole" else 1
+        count = max(round(periods / unit) * unit, LEAST_PATCHES * kind.periods)
+        whole, rest = divmod(count, kind.periods)
+        return [kind] * whole + [replace(kind, periods=rest)] * (rest > 0)
+
+    def endless(self, rows: Sequence[Row]) -> Scale:
+        """The sizes of grid cells in rows, as in endless fabric of each kind."""
+        cells = [row.periods * self.case.options.cells_per_period for row in rows]
+        width, height = (np.repeat([row.cell[axis] for row in rows], cells) for axis in (0, 1))
+        return Scale.of_rows(width, height)
+
+    def piece(
+        self, outline: Outline, rows: Sequence[Row], scale: Scale, strain: float = 0.0
+    ) -> Case:
+        """The case of a piece of these rows that has an outline, if its grid cells have a scale.
 
         It relaxes from the flat sheet to equilibrium, and is then pulled by the strain.
         """
-        lines = self._rows(outline, scale)
-        left, right = self._edges(outline, scale, lines)
+        _, length = outline.size
+        ends = np.cumsum(scale.height)
+        lines = (ends - scale.height / 2) * length / ends[-1]
+        left, right = self._edges(outline, rows, scale.width, lines)
         patch = self.patch
         first = int(left.min() // patch) * patch
         patches_x = max(-(-int(right.max() - first) // patch), LEAST_PATCHES)
         spans = tuple(zip((left - first).tolist(), (right - first).tolist(), strict=True))
-        rows = len(lines)
-        if rows * patches_x * patch > MAX_NODES:
+        if len(lines) * patches_x * patch > MAX_NODES:
             message = f"of {outline.size[0]:.0f} × {outline.size[1]:.0f} mm takes a grid of"
-            nodes = f"{rows} × {patches_x * patch} cells, above {MAX_NODES:,}"
+            nodes = f"{len(lines)} × {patches_x * patch} cells, above {MAX_NODES:,}"
             raise invalid("piece", f"{message} {nodes}; take a smaller piece, or larger n_stripe")
-        periods = [self.case.periods] * (rows // patch)
-        if rest := rows % patch:
-            periods.append(rest // self.case.options.cells_per_period)
-        return self._case(tuple(periods), patches_x, spans, strain)
+        return self._case(rows, patches_x, spans, strain)
 
-    def _rows(self, outline: Outline, scale: Scale) -> Along:
-        """Heights of the middles of the rows of grid cells in the finished piece [mm]."""
-        _, length = outline.size
-        unit = self.patch if self.border == "whole" else self.case.options.cells_per_period
-        _, height = scale.at(np.linspace(0, 1, 101))
-        count = max(round(length / float(height.mean()) / unit) * unit, LEAST_PATCHES * self.patch)
-        _, height = scale.at((np.arange(count) + 0.5) / count)
-        ends = np.cumsum(height)
-        return (ends - height / 2) * length / ends[-1]
+    def _starts(self, rows: Sequence[Row]) -> np.ndarray:
+        """The first row of grid cells of every row of patches, and the number of all."""
+        cells = self.case.options.cells_per_period
+        return np.append(0, np.cumsum([row.periods * cells for row in rows]))
 
-    def _edges(self, outline: Outline, scale: Scale, lines: Along) -> tuple[np.ndarray, np.ndarray]:
+    def _edges(
+        self, outline: Outline, rows: Sequence[Row], width: Along, lines: Along
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Columns of the left and the right edge of every row, from the axis of the piece."""
-        width, _ = scale.at((np.arange(len(lines)) + 0.5) / len(lines))
         patch = self.patch
         unit = patch if self.border == "whole" else 1
         left, right = (edge / width for edge in outline.edges(lines))
         if self.border == "whole":
             # Rows of a patch begin and end together.
-            starts = np.arange(0, len(lines), patch)
-            of_patch = np.arange(len(lines)) // patch
-            counts = np.diff(np.append(starts, len(lines)))
+            starts = self._starts(rows)
+            counts = np.diff(starts)
             left, right = (
-                (np.add.reduceat(edge, starts) / counts)[of_patch] for edge in (left, right)
+                np.repeat(np.add.reduceat(edge, starts[:-1]) / counts, counts)
+                for edge in (left, right)
             )
         # A piece may have its axis in the middle of a patch.
         columns = float((right - left).max())
@@ -131,17 +175,18 @@ class Fabric:
         right = np.maximum(right, left + least)
         return left, right
 
-    def _case(self, periods: tuple[int, ...], patches_x: int, spans: Spans, strain: float) -> Case:
+    def _case(self, rows: Sequence[Row], patches_x: int, spans: Spans, strain: float) -> Case:
         case = self.case
-        letters = np.resize(np.array([list(row) for row in case.pattern[::-1]]), (2, 2))
-        knit = np.tile(letters, (-(-len(periods) // 2), -(-patches_x // 2)))
-        knit = knit[: len(periods), :patches_x].copy()
+        # Rib and garter alternate, as in the checkerboard of the design.
+        of_rows, of_columns = np.indices((len(rows), patches_x))
+        knit = np.where((of_rows + of_columns) % 2 == 0, case.pattern[-1][0], case.pattern[-1][1])
+        knit[[row.is_plain for row in rows]] = "P"
         if self.border == "plain":
-            knit[self._is_cut(periods, patches_x, spans)] = "P"
+            knit[self._is_cut(rows, patches_x, spans)] = "P"
         grading = Grading(
-            row_periods=periods[::-1],
+            row_periods=tuple(row.periods for row in rows[::-1]),
             column_periods=(case.periods,) * patches_x,
-            row_stripes=(case.warp,) * len(periods),
+            row_stripes=tuple(row.stripe for row in rows[::-1]),
             column_stripes=(case.weft,) * patches_x,
         )
         piece = replace(
@@ -163,45 +208,71 @@ class Fabric:
         )
         return piece.without_unused()
 
-    def _is_cut(self, periods: tuple[int, ...], patches_x: int, spans: Spans) -> np.ndarray:
+    def _is_cut(self, rows: Sequence[Row], patches_x: int, spans: Spans) -> np.ndarray:
         """Which patches have grid cells on both sides of an edge."""
         left, right = np.array(spans).T[..., None]
         column = np.arange(patches_x * self.patch)
         inside = (left <= column) & (column < right)
-        starts = np.append(0, np.cumsum(periods)[:-1]) * self.case.options.cells_per_period
-        rows = np.diff(np.append(starts, len(spans)))
-        count = np.add.reduceat(
-            np.add.reduceat(inside, starts, axis=0, dtype=int),
-            np.arange(0, inside.shape[1], self.patch),
-            axis=1,
+        starts = self._starts(rows)
+        by_row = np.add.reduceat(inside, starts[:-1], axis=0, dtype=int)
+        count = np.add.reduceat(by_row, np.arange(0, len(column), self.patch), axis=1)
+        return (count > 0) & (count < np.diff(starts)[:, None] * self.patch)
+
+
+@dataclass(frozen=True, eq=False)
+class PlanView:
+    """A simulated piece seen from above, in cloth.
+
+    Attributes:
+        case: the piece.
+        nodes: x and y of its nodes; NaN without fabric [mm].
+    """
+
+    case: Case
+    nodes: Float[np.ndarray, "node_y node_x 2"]
+
+    @property
+    def _columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Every row of grid cells with its first column of nodes and its last."""
+        first, last = np.array(self.case.spans).T
+        return np.arange(len(first)), first, last
+
+    @property
+    def outline(self) -> Outline:
+        """The line around it, its lowest point at y = 0 and its middle at x = 0."""
+        nodes = self.nodes
+        rows, first, last = self._columns
+        # At a step an edge goes along the line between two rows.
+        left, right = (
+            np.stack([nodes[rows, at], nodes[rows + 1, at]], axis=1).reshape(-1, 2)
+            for at in (first, last)
         )
-        return (count > 0) & (count < rows[:, None] * self.patch)
+        bottom = nodes[0, first[0] + 1 : last[0]]
+        top = nodes[-1, first[-1] + 1 : last[-1]]
+        line = np.concatenate([right, top[::-1], left[::-1], bottom])
+        middle = (line[:, 0].min() + line[:, 0].max()) / 2
+        return Outline(line - [middle, line[:, 1].min()])
 
+    @property
+    def widths(self) -> Along:
+        """Width of every row of grid cells [mm]."""
+        rows, first, last = self._columns
+        across = [self.nodes[line, last] - self.nodes[line, first] for line in (rows, rows + 1)]
+        return (across[0] + across[1])[:, 0] / 2
 
-def finished(
-    case: Case, positions: Float[np.ndarray, "node_y node_x 3"], mm_of_cloth: Float[np.ndarray, "2"]
-) -> tuple[Outline, Scale]:
-    """The outline of a simulated piece seen from above, and the sizes of its grid cells [mm]."""
-    plane = positions[..., :2] * mm_of_cloth
-    first, last = np.array(case.spans).T
-    rows = np.arange(len(first))
-    # At a step an edge goes along the line between two rows.
-    left = np.stack([plane[rows, first], plane[rows + 1, first]], axis=1).reshape(-1, 2)
-    right = np.stack([plane[rows, last], plane[rows + 1, last]], axis=1).reshape(-1, 2)
-    ends = plane[0, first[0] + 1 : last[0]], plane[-1, first[-1] + 1 : last[-1]]
-    line = np.concatenate([right, ends[1][::-1], left[::-1], ends[0]])
-    line = line - [(line[:, 0].min() + line[:, 0].max()) / 2, line[:, 1].min()]
-    middle = np.array([plane[row, first[row] : last[row] + 1, 1].mean() for row in rows])
-    above = np.array([plane[row + 1, first[row] : last[row] + 1, 1].mean() for row in rows])
-    wide = plane[rows, last] - plane[rows, first] + plane[rows + 1, last] - plane[rows + 1, first]
-    width = wide[:, 0] / 2 / (last - first)
-    return Outline(line), _smooth(case, width, above - middle)
+    @property
+    def scale(self) -> Scale:
+        """Mean size of the grid cells in every row [mm]."""
+        rows, first, last = self._columns
+        along = [
+            (self.nodes[row + 1, start : end + 1, 1] - self.nodes[row, start : end + 1, 1]).mean()
+            for row, start, end in zip(rows, first, last, strict=True)
+        ]
+        return Scale.of_rows(self.widths / (last - first), np.array(along))
 
-
-def _smooth(case: Case, width: Along, height: Along) -> Scale:
-    """Sizes of grid cells averaged over a unit cell, within which folds change them."""
-    window = min(2 * case.periods * case.options.cells_per_period, len(width))
-    kernel = np.ones(window)
-    counts = np.convolve(np.ones(len(width)), kernel, "same")
-    smoothed = (np.convolve(of, kernel, "same") / counts for of in (width, height))
-    return Scale((np.arange(len(width)) + 0.5) / len(width), *smoothed)
+    @property
+    def places(self) -> Along:
+        """Middle of every row along the length, from 0 to 1."""
+        height = self.scale.height
+        ends = np.cumsum(height)
+        return np.asarray((ends - height / 2) / ends[-1])

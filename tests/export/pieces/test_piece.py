@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from knitlab.api.single_design import single_design
 from knitlab.export.knitting.stitch_chart import stitch_chart
-from knitlab.export.pieces.fitting import fit
+from knitlab.export.pieces.fitting import Fitting, kind_of_row
 from knitlab.export.pieces.outline import Outline
-from knitlab.export.pieces.piece import Fabric, Scale, finished
+from knitlab.export.pieces.piece import UNCHANGED, Fabric, PlanView
+from knitlab.export.pieces.rows import Row
 from knitlab.model.energy import energy
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.network import network
@@ -31,17 +32,26 @@ def fabric(border="cut", n_stripe=4, n_subunit=8, **settings):
     return Fabric(one.case, one.gauge, one.plain, border)
 
 
-def of_cells(cells_x, cells_y, scale):
-    """A rectangle of a number of grid cells of a scale."""
-    return Outline.of_widths([0, cells_y * scale.height[0]], [cells_x * scale.width[0]] * 2)
+def kind(cell, case=None):
+    """Rows whose grid cells have a size, and that nothing is known of under a pull."""
+    case = case or fabric().case
+    nothing = np.zeros(1)
+    return Row("own", case.warp, case.periods, False, cell, nothing, nothing, nothing)
+
+
+def laid_out(border, outline, cell):
+    """The piece of an outline whose grid cells have a size."""
+    _, length = outline.size
+    rows = fabric(border).rows_of(kind(cell), length, UNCHANGED)
+    return fabric(border).piece(outline, rows, fabric(border).endless(rows))
 
 
 @pytest.mark.parametrize("border", BORDERS)
 @pytest.mark.parametrize("patches", [(2, 2), (3, 4), (5, 3)])
 def test_a_rectangle_of_whole_patches_is_not_cut(border, patches):
-    scale = Scale.even(2.0, 1.5)
     cells = [count * fabric(border).patch for count in patches]
-    case = fabric(border).piece(of_cells(*cells, scale), scale)
+    width, length = np.array(cells) * [2.0, 1.5]
+    case = laid_out(border, Outline.of_widths([0, length], [width] * 2), (2.0, 1.5))
     assert case.mesh_shape.has_fabric.all()
     assert case.mesh_shape.has_fabric.shape == (cells[1], cells[0])
     assert "P" not in "".join(case.pattern)
@@ -57,27 +67,25 @@ def test_a_rectangle_of_whole_patches_is_not_cut(border, patches):
 def test_a_piece_whose_cells_keep_their_size_has_its_outline(widths, border, size):
     """Laid out flat, with the scale by which it was made, it is within its rounding of it."""
     outline = Outline.of_widths(70.0 * np.arange(len(widths)), widths)
-    scale = Scale.even(*size)
-    case = fabric(border).piece(outline, scale)
+    case = laid_out(border, outline, size)
     columns, rows = np.arange(case.mesh_shape.nodes_x), np.arange(case.mesh_shape.nodes_y)
     grid = np.stack(
         [*np.meshgrid(columns * 1.0, rows * 1.0), np.zeros((len(rows), len(columns)))], -1
     )
-    found, measured = finished(case, grid, np.array(size))
+    view = PlanView(case, grid[..., :2] * size)
     unit = fabric(border).patch if border == "whole" else 1
     # Edges may also move along the rows that are rounded, by their slope.
     slope = np.abs(np.diff(widths)).max() / 2 / 70
     rounding = np.array(size) * (unit, max(unit, fabric(border).case.options.cells_per_period))
     bound = np.hypot(*rounding) * (1 + slope)
-    assert found.centred_on(outline).distance(outline) <= bound
-    np.testing.assert_allclose(measured.width, size[0], rtol=1e-9)
-    np.testing.assert_allclose(measured.height, size[1], rtol=1e-9)
+    assert view.outline.centred_on(outline).distance(outline) <= bound
+    np.testing.assert_allclose(view.scale.width, size[0], rtol=1e-9)
+    np.testing.assert_allclose(view.scale.height, size[1], rtol=1e-9)
 
 
 def test_a_border_of_plain_knit_is_where_patches_are_cut():
-    scale = Scale.even(1.0, 1.0)
     outline = Outline.of_widths([0, 64], [64, 32])
-    cut, plain = (fabric(border).piece(outline, scale) for border in ("cut", "plain"))
+    cut, plain = (laid_out(border, outline, (1.0, 1.0)) for border in ("cut", "plain"))
     assert cut.spans == plain.spans
     patch = fabric().patch
     has_fabric = cut.mesh_shape.has_fabric
@@ -162,13 +170,15 @@ def test_the_edges_of_a_chart_follow_those_of_the_grid(step):
 
 
 @pytest.mark.slow
-def test_rounds_bring_a_piece_to_its_outline(tmp_path):
-    scale = 1.0
-    outline = Outline.of_widths([0, 100 * scale], [80 * scale, 60 * scale])
-    found = fit(fabric("cut"), outline, tmp_path, 0.0, 4, lambda *_: None)
+def test_rounds_bring_a_piece_to_its_outline_and_are_kept(tmp_path):
+    own = fabric("cut")
+    kinds = [kind_of_row(own, "own", own.case, [0.0], tmp_path, lambda _: None)]
+    outline = Outline.of_widths([0, 100], [80, 60])
+    fitting = Fitting(own, kinds, outline, None, 0.0, tmp_path)
+    found = fitting.run(4, lambda *_: None)
     assert found.met
     assert found.best.distance <= found.rounds[0].distance
-    files = sorted(path.name for path in tmp_path.glob("cases/*.nc"))
-    again = fit(fabric("cut"), outline, tmp_path, 0.0, 4, lambda *_: None)
-    assert sorted(path.name for path in tmp_path.glob("cases/*.nc")) == files
+    files = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("cases/*.nc")}
+    again = fitting.run(4, lambda *_: None)
     assert again.best.distance == found.best.distance
+    assert {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("cases/*.nc")} == files
