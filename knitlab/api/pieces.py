@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import xarray as xr
 from tqdm import tqdm
 
 from knitlab.api.knitting import KnitSample, knit_sample
@@ -51,6 +52,11 @@ class ShapedPiece:
     def __repr__(self) -> str:
         best = self.fit.best
         return f"<ShapedPiece {self.sample.chart.size}, {best.distance:.3g} mm from its outline>"
+
+    @property
+    def test(self) -> xr.Dataset:
+        """Results and shape of the nearest piece, for :func:`knitlab.export` and own measures."""
+        return self.fit.best.test
 
     def rows(self) -> Iterator[tuple[str, str]]:
         """Names and values of its lines."""

@@ -1,6 +1,6 @@
 """A shaped piece: what is wanted, and the pieces that were simulated."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -36,7 +36,7 @@ def piece_figure(fit: "Fit") -> Figure:
     return figure
 
 
-def _look(fit: "Fit", each: "Round") -> dict[str, float]:
+def _look(fit: "Fit", each: "Round") -> dict[str, Any]:
     taken = each is fit.best
     return {"lw": 1.2 if taken else 0.5, "zorder": 2 + taken}
 

@@ -62,16 +62,21 @@ def fabric_meshes(
         for name in UNIT_CELL_STRAINS:
             values = on_grid_cells(case, ordered[name].values[number])
             of_cells[f"{name} [1]"] = np.tile(values, repeats)
-        meshes.append(grid_surface(nodes, of_nodes, of_cells))
+        has_fabric = None if case.spans is None else case.mesh_shape.has_fabric
+        meshes.append(grid_surface(nodes, of_nodes, of_cells, has_fabric))
     return meshes
 
 
 def on_grid_cells(
     case: "Case", values: Float[np.ndarray, "*states cell_y cell_x"]
 ) -> Float[np.ndarray, "*states grid_y grid_x"]:
-    """The value of its unit cell for every grid cell."""
+    """The value of its unit cell for every grid cell; NaN beyond the last whole one."""
     rows, columns = (np.diff(lines) for lines in (case.cell_grid.rows, case.cell_grid.columns))
-    return values.repeat(rows, axis=-2).repeat(columns, axis=-1)
+    known = values.repeat(rows, axis=-2).repeat(columns, axis=-1)
+    beyond = np.subtract(case.sample.grid, known.shape[-2:]).tolist()
+    return np.pad(
+        known, [(0, 0)] * (values.ndim - 2) + [(0, more) for more in beyond], constant_values=np.nan
+    )
 
 
 def is_periodic(case_file: xr.Dataset) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from knitlab.io.errors import invalid
 
@@ -90,15 +90,24 @@ def grid_surface(
     nodes: Float[np.ndarray, "node_y node_x 3"],
     node_fields: Mapping[str, np.ndarray] = {},
     face_fields: Mapping[str, np.ndarray] = {},
+    has_fabric: Bool[np.ndarray, "cell_y cell_x"] | None = None,
 ) -> SurfaceMesh:
-    """The surface of a grid of nodes [mm] with fields on its nodes and cells: a quad for each."""
+    """The surface of a grid of nodes [mm], with fields on its nodes and on its cells.
+
+    It has a quad for each cell, or for each that has fabric.
+    """
     number = np.arange(nodes.shape[0] * nodes.shape[1]).reshape(nodes.shape[:2])
     corners = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    faces = np.stack(corners, axis=-1).reshape(-1, 4)
+    cells, kept = np.arange(len(faces)), number.ravel()
+    if has_fabric is not None:
+        cells = np.flatnonzero(has_fabric)
+        kept, faces = np.unique(faces[cells], return_inverse=True)
     return SurfaceMesh(
-        nodes.reshape(-1, 3),
-        np.stack(corners, axis=-1).reshape(-1, 4),
-        {name: np.ravel(values) for name, values in node_fields.items()},
-        {name: np.ravel(values) for name, values in face_fields.items()},
+        nodes.reshape(-1, 3)[kept],
+        faces.reshape(-1, 4),
+        {name: np.ravel(values)[kept] for name, values in node_fields.items()},
+        {name: np.ravel(values)[cells] for name, values in face_fields.items()},
     )
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+import xarray as xr
 
 from knitlab.design.trial import run_trial
 from knitlab.export.pieces.outline import Outline
@@ -34,6 +34,7 @@ class Round:
 
     Attributes:
         case: the piece.
+        test: its results, with the shape in mm of network; as of :func:`knitlab.simulate`.
         outline: what it relaxes to, or is pulled to, on the wanted outline; None if it did not
             converge [mm].
         distance: Hausdorff distance of the outline from the wanted one [mm].
@@ -47,6 +48,7 @@ class Round:
 
     case: Case
     rows: Sequence[Row]
+    test: xr.Dataset
     outline: Outline | None = None
     distance: float = np.nan
     cell: tuple[float, float] = (np.nan, np.nan)
@@ -143,13 +145,12 @@ class Fitting:
             progress = partial(report, len(done) + 1)
             trial = run_trial(self.folder, case, self.fabric.gauge, progress=progress)
             if not trial.converged:
-                done.append(Round(case, rows))
+                done.append(Round(case, rows, trial.results))
                 ended = f"a piece did not come to rest: {trial.results.attrs['reason']}"
                 break
-            plane = trial.results["position"].values[..., :2] * self.fabric.mm_of_cloth
-            done.append(self._round(case, rows, plane))
+            done.append(self._round(case, rows, trial.results))
             window = 2 * self.fabric.patch
-            shaped = PlanView(case, plane[-1 if self.widening is None else 0])
+            shaped = self._views(case, trial.results)[-1 if self.widening is None else 0]
             factor = shaped.scale.smooth(window).over(endless.smooth(window))
             if aim is not None:
                 aim = self._corrected(aim, done[-1])
@@ -174,10 +175,13 @@ class Fitting:
             self.kinds, cells, length / shrinking, lambda y: width(y * shrinking), aim
         )
 
-    def _round(
-        self, case: Case, rows: Sequence[Row], plane: Float[np.ndarray, "state y x 2"]
-    ) -> Round:
-        at_rest, stretched = PlanView(case, plane[0]), PlanView(case, plane[-1])
+    def _views(self, case: Case, test: xr.Dataset) -> tuple[PlanView, PlanView]:
+        """The relaxed piece, and the piece at the last strain."""
+        plane = test["position"].values[..., :2] * self.fabric.mm_of_cloth
+        return PlanView(case, plane[0]), PlanView(case, plane[-1])
+
+    def _round(self, case: Case, rows: Sequence[Row], test: xr.Dataset) -> Round:
+        at_rest, stretched = self._views(case, test)
         shaped = stretched if self.widening is None else at_rest
         outline = shaped.outline.centred_on(self.wanted)
         cells = 2 * self.fabric.patch
@@ -185,6 +189,7 @@ class Fitting:
         known = Round(
             case,
             rows,
+            test,
             outline,
             outline.distance(self.wanted),
             (cells * float(scale.width.mean()), cells * float(scale.height.mean())),

@@ -44,9 +44,11 @@ def shape(case: xr.Dataset) -> Figure:
     cells = repeats * along_y, repeats * along_x
     sample = replace(recorded, unit_cells=cells).sample
     faces = sheets.grid_faces(nodes)
+    if recorded.spans is not None:
+        faces = faces[recorded.mesh_shape.has_fabric.ravel()]
     heights = faces[:, :, 2].mean(axis=1)
     colours = ScalarMappable(Normalize(heights.min(), heights.max()), SEQUENCE_COLOURS)
-    extent = np.ptp(nodes[..., :2], axis=(0, 1))
+    extent = np.ptp(faces[..., :2], axis=(0, 1))
     height = ONE_COLUMN * min(1.6, 0.8 * extent[1] / extent[0]) + 0.7
     figure, axes = style.subplots(height, width=ONE_COLUMN * 1.2)
     unit = length_unit(case)
@@ -81,4 +83,6 @@ def _name_patches(
         row, column = at + repeat * ((counts // repeat - 1) // 2)
         letter = str(sample.knit[row, column])
         across, along = nodes[rows[row], columns[column], :2]
+        if np.isnan(across):
+            continue  # outside a shaped piece
         axes.text(across, along, KNIT_OF_LETTER[letter] if named else letter, **look)

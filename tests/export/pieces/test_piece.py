@@ -6,9 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import knitlab as kl
 from knitlab.api.single_design import single_design
 from knitlab.export.knitting.stitch_chart import stitch_chart
 from knitlab.export.pieces.fitting import Fitting, kind_of_row
@@ -182,3 +184,15 @@ def test_rounds_bring_a_piece_to_its_outline_and_are_kept(tmp_path):
     again = fitting.run(4, lambda *_: None)
     assert again.best.distance == found.best.distance
     assert {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("cases/*.nc")} == files
+
+
+def test_the_mesh_of_a_piece_is_what_is_left_of_the_fabric(tmp_path):
+    """A disc of as many faces as the piece has cells, whatever the shape."""
+    case = cut_case(tuple((row // 4, 16 - row // 4) for row in range(16)))
+    results = simulated(replace(case, applied_strain=(0.0,)), lambda *_: None)
+    path = tmp_path / "piece.ply"
+    kl.export(results, path)
+    mesh = trimesh.load(path, process=False)
+    assert mesh.euler_number == 1
+    assert len(mesh.faces) == 2 * case.mesh_shape.has_fabric.sum()
+    assert np.isfinite(mesh.vertices).all()
