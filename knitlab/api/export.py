@@ -228,14 +228,18 @@ def wear(
     *,
     needles: int | None = None,
     pressure: float | None = None,
+    compression_class: str | None = None,
     length_ratio: float | None = None,
+    thickness: float | None = None,
+    sensor: Cube | None = None,
     **named: Any,
 ) -> pd.DataFrame:
     """Stretch, tension and pressure of a sleeve on a limb, by the law of its fabric.
 
-    The sleeve is knitted in the round, with courses around the limb. Pressure follows from the
-    tension and the circumference (Laplace's law), each height on its own: the taper and the
-    curvature along the limb, friction on the skin and the softness of the limb are left out.
+    The sleeve is knitted in the round, with courses around the limb. The middle of the folded cloth
+    lies half its thickness above the skin. Pressure follows from the tension and the circumference
+    (Laplace's law), each height on its own: the taper and the curvature along the limb, friction on
+    the skin and the softness of the limb are left out.
 
     Args:
         cube: tests of periodic fabric, as of :func:`knitlab.law`.
@@ -243,37 +247,59 @@ def wear(
         selections: a value for each coordinate but those of loads, until one design is left.
         needles: needles around, or
         pressure: pressure at the narrowest place [mmHg], for which needles of whole unit cells are
-            found.
+            found, or
+        compression_class: a class of ``params/compression.toml``, such as ``"ral-1"``, whose middle
+            is that pressure.
         length_ratio: length along the limb over the relaxed one; by default no force acts there.
+        thickness: of the folded cloth [mm], by default that of its relaxed shape.
+        sensor: a test or cube of the same design with electrodes, pulled along the courses.
         named: further selections, as keywords: ``n_stripe=4``.
 
     Returns:
         At every height ``stretch`` around [1], ``length_ratio`` [1], ``tension`` [N/mm],
-        ``pressure`` [kPa] and [mmHg] with the ``error`` of the law, and whether the strain lies
-        ``between`` those that were tested. ``attrs["needles"]`` are those of the sleeve.
+        ``pressure`` [kPa] and [mmHg] with its ``error``, and whether the strain lies ``between``
+        those that were tested; with a class, whether the pressure is ``in_class``; with a sensor
+        its ``capacitance``, the change of that from the relaxed sleeve, and its slope by the
+        stretch [pF]. ``attrs["needles"]`` are those of the sleeve, and ``attrs["class"]`` says what
+        of a class is reached.
 
     Raises:
-        InputError: as of :func:`knitlab.law`; if the limb cannot be read, or not exactly one of
-            ``needles`` and ``pressure`` is given.
+        InputError: as of :func:`knitlab.law`; if the limb cannot be read, not exactly one of
+            ``needles``, ``pressure`` and ``compression_class`` is given, the cube has no shape and
+            ``thickness`` is not given, or the sensor is of another design.
 
     Example:
-        >>> sleeve = kl.wear("results/reference/law", "docs/examples/calf.csv", pressure=2)
+        >>> sleeve = kl.wear("results/reference/law", "docs/examples/arm.csv", pressure=2)
         >>> sleeve.attrs["needles"]
-        192
+        224
     """
+    from knitlab.export.laws.compression import compression_class as class_of
     from knitlab.export.laws.law import law_of
-    from knitlab.export.laws.sleeve import knit_of, needles_for, read_limb, worn
+    from knitlab.export.laws.sleeve import knit_of, needles_for, read_limb, thickness_of, worn
     from knitlab.export.laws.strain_tests import rows_of_tests
+    from knitlab.export.laws.worn_sensor import add_readings, sensor_of
 
-    if (needles is None) == (pressure is None):
-        raise invalid("needles, pressure", "need exactly one value between them; give one")
+    if [needles, pressure, compression_class].count(None) != 2:
+        message = "need exactly one value between them; give one"
+        raise invalid("needles, pressure, compression_class", message)
+    wanted = None if compression_class is None else class_of(compression_class)
     opened, shape = as_cube(cube), read_limb(Path(limb))
-    rows = rows_of_tests(opened, {**selections, **named})
-    knit = knit_of(law_of(opened, rows), rows.isel(test=0))
+    selections = {**selections, **named}
+    rows = rows_of_tests(opened, selections)
+    design = rows.isel(test=0)
+    test = None if sensor is None else sensor_of(as_cube(sensor), design, selections)
+    if thickness is None:
+        thickness = thickness_of(opened, design)
+    knit = knit_of(law_of(opened, rows), design, thickness)
     if needles is None:
-        needles = needles_for(knit, shape, float(pressure or 0), length_ratio)
+        aim = wanted.middle if wanted else float(pressure or 0)
+        needles = needles_for(knit, shape, aim, length_ratio)
     table = worn(knit, shape, needles, length_ratio)
     table.attrs["needles"] = needles
+    if wanted:
+        table.attrs["class"] = wanted.judge(table)
+    if test is not None:
+        add_readings(table, test)
     return table
 
 

@@ -291,18 +291,23 @@ def export(
 @options.select
 @option("--needles", "Needles around the limb.", COUNT)
 @option("--pressure MMHG", "Pressure at the narrowest place, for which needles are found.", float)
+@option("--compression-class", "Class at the narrowest place, such as ral-1, as --pressure.")
 @option("--length-ratio", "Length along the limb over the relaxed one; free by default.", float)
+@option("--thickness MM", "Thickness of the folded cloth; by default that of its shape.", float)
+@option("--sensor CUBE", "Cube of the same design with electrodes, with load = weft.", PATH)
 @options.table_format
 def wear(cube: Path, limb: Path, selections: dict[str, Any], style: str, **sleeve: Any) -> None:
     """List stretch, tension and pressure of a sleeve of the fabric of CUBE on a limb.
 
     The sleeve is knitted in the round, with courses around. CUBE has tests as of the workflow law.
-    Exit code 1 if a place is stretched beyond the tests.
+    Exit code 1 if a place is stretched beyond the tests, or lies outside the class.
     """
     table = kl.wear(cube, limb, selections, **sleeve)
     options.show(table, style)
     click.echo(f"needles {table.attrs['needles']}", err=style != "table")
-    options.exit_unless(bool(table["between"].all()))
+    if "class" in table.attrs:
+        click.echo(f"class   {table.attrs['class']}", err=style != "table")
+    options.exit_unless(bool(table.filter(["between", "in_class"]).all(axis=None)))
 
 
 COMMANDS = (design, knit, shape, read, export, wear)

@@ -154,7 +154,10 @@ def python_of(page):
     return BLOCK.findall((ROOT / page).read_text(encoding="utf-8"))
 
 
-LONG = {"docs/how-to/design.md", "docs/how-to/uncertainty.md", "docs/tutorials/elbow.md"}
+LONG = {
+    *("docs/how-to/design.md", "docs/how-to/uncertainty.md"),
+    *("docs/tutorials/elbow.md", "docs/tutorials/sleeve.md"),
+}
 """Pages whose Python takes long, and is tested nightly."""
 
 

@@ -1,10 +1,15 @@
 """A sleeve on a limb: closed forms of a cylinder, and the tension of the fabric that was pulled."""
 
+import shutil
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import knitlab as kl
+from knitlab.export.laws.compression import compression_class
 from knitlab.export.laws.sleeve import Knit, Limb, needles_for, worn
+from knitlab.export.laws.worn_sensor import add_readings, sensor_of
 from tests.commands import knitlab
 from tests.export.laws.test_law import LAW, STIFFNESS, Quadratic
 from tests.refusals import refused
@@ -22,6 +27,13 @@ class Linear(Quadratic):
 
 KNIT = Knit(Linear(), wales=20, width=20.0, force_error=0.1)
 LIMB = Limb(np.arange(3.0), AROUND)
+RAISED = Limb(LIMB.height, AROUND + 5 * np.pi)
+
+
+def limb_of(path, *around):
+    lines = [f"{80 * number},{each}" for number, each in enumerate(around)]
+    path.write_text("\n".join(["height [mm],circumference [mm]", *lines]))
+    return path
 
 
 def test_a_cylinder_of_linear_cloth_has_its_closed_form():
@@ -53,15 +65,66 @@ def test_the_tension_is_that_of_the_fabric_that_was_pulled(tmp_path):
     pulled = cube.sel(sample=1)  # along the courses
     cell = float(cube["knit_cell_x"][0])
     stretches = 1 + pulled["applied_strain"].values[2:]
-    path = tmp_path / "limb.csv"
-    lines = [f"{number},{10 * cell * a}" for number, a in enumerate(stretches)]
-    path.write_text("\n".join(["height [mm],circumference [mm]", *lines]))
-    table = kl.wear(LAW, path, needles=320)  # ten unit cells
+    (relaxed,) = kl.export(LAW, tmp_path / "relaxed.obj", sample=1).meshes
+    around = 10 * cell * stretches - np.pi * np.ptp(relaxed.nodes[:, 2])
+    table = kl.wear(LAW, limb_of(tmp_path / "limb.csv", *around), needles=320)  # ten unit cells
     lengths = 1 + pulled["mean_strain_yy"].values[2:]
     tension = pulled["force_per_width"].values[2:] / lengths
-    np.testing.assert_allclose(table["stretch"], stretches - 1, rtol=1e-6)
+    np.testing.assert_allclose(table["stretch"], stretches - 1, atol=1e-6)
     np.testing.assert_allclose(table["tension"], tension, rtol=0.05)
     np.testing.assert_allclose(table["length_ratio"], lengths, atol=0.01)
+
+
+def test_the_middle_of_folded_cloth_lies_half_its_thickness_above_the_skin():
+    thick, thin = worn(replace(KNIT, thickness=5.0), LIMB, 200), worn(KNIT, RAISED, 200)
+    np.testing.assert_allclose(thick["tension"], thin["tension"])
+    np.testing.assert_allclose(thick["pressure"] * AROUND, 2000 * np.pi * thin["tension"])
+    assert (thick["error_mmHg"] > thin["error_mmHg"]).all()
+
+
+@pytest.mark.parametrize(("name", "inside"), [("ral-2", [True, False, False]), ("ral-4", [False])])
+def test_a_class_is_wanted_at_the_narrowest_place(name, inside):
+    wanted = compression_class(name)
+    fine = replace(KNIT, wales=1, width=1.0)
+    table = worn(fine, LIMB, needles_for(fine, LIMB, wanted.middle))
+    said = wanted.judge(table)
+    narrowest = table["pressure_mmHg"][0]
+    assert table["in_class"].tolist()[: len(inside)] == inside
+    assert inside[0] == (wanted.lowest <= narrowest <= wanted.highest)
+    assert {f"{narrowest:.3g}", f"{wanted.lowest:g}"} <= set(said.split())
+
+
+def test_a_class_that_no_standard_has_is_refused():
+    with refused("compression_class", "ral-7", "ral-4"):
+        compression_class("ral-7")
+
+
+@pytest.fixture
+def sensor():
+    """The kept tests, of which one is a pull along the courses, with a made-up capacitance."""
+    cube = kl.open_cube(LAW)
+    return cube.assign(capacitance=(2 + cube["mean_strain_xx"] ** 2).assign_attrs(units="pF"))
+
+
+def test_a_sensor_reads_the_stretch_of_a_sleeve(sensor):
+    stretches = np.array([-0.1, 0.0, 0.06, 0.16, 0.4])
+    table = worn(KNIT, Limb(stretches, 200 * (1 + stretches)), 200)
+    add_readings(table, sensor_of(sensor, sensor.squeeze().sel(sample=1), {}))
+    between = np.mean([0.15**2, 0.15**2, 0.18**2])  # at a third of the way
+    changes = np.array([0, 0, 0.06**2, between, np.nan])
+    np.testing.assert_allclose(table["capacitance"], 2 + changes)
+    np.testing.assert_allclose(table["capacitance_change"], changes, atol=1e-9)
+    np.testing.assert_allclose(table["capacitance_slope"][2:4], [0.12, 0.32], rtol=1e-6)
+
+
+def test_a_sensor_of_another_design_or_pull_is_refused(sensor):
+    design = sensor.squeeze().sel(sample=1)
+    with refused("design", "load = weft"):
+        sensor_of(sensor, design.assign(rib_k_s=1.1 * design["rib_k_s"]), {})
+    with refused("courses", "load = weft"):
+        sensor_of(sensor.isel(sample=slice(1, None)), design, {})
+    with refused("electrodes", "layout"):
+        sensor_of(sensor.isel(sample=[0, 0]), design, {})
 
 
 def test_what_cannot_be_worn_is_refused(tmp_path):
@@ -75,12 +138,14 @@ def test_what_cannot_be_worn_is_refused(tmp_path):
     path.write_text("height [mm],circumference [mm]\n0,-240\n80,260\n")
     with refused("-240", "above 0"):
         kl.wear(LAW, path, needles=200)
+    shutil.copy(LAW / "cube.nc", tmp_path)
+    with refused(tmp_path.name, "case files", "thickness"):
+        kl.wear(tmp_path / "cube.nc", limb_of(path, 230), needles=224)
 
 
 @pytest.mark.slow
 def test_the_command_says_where_a_sleeve_is_stretched_beyond_the_tests(tmp_path):
-    path = tmp_path / "limb.csv"
-    path.write_text("height [mm],circumference [mm]\n0,270\n80,400\n")
+    path = limb_of(tmp_path / "limb.csv", 250, 400)
     said = knitlab("wear", LAW, "--limb", path, "--needles", 240, "--format", "csv")
     assert said.exit_code == 1
     assert [line.rpartition(",")[2] for line in said.stdout.splitlines()[1:3]] == ["True", "False"]

@@ -1,0 +1,70 @@
+"""What a sensor of the same fabric reads on a limb: its capacitance at the worn stretch."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from knitlab.cubes.cube_file import cube_name, design_dims, is_case
+from knitlab.cubes.normalised import require
+from knitlab.cubes.selection import select
+from knitlab.io.errors import invalid
+from knitlab.observables.schema import STRAIN
+
+NEEDED = ("capacitance", "relaxed_cell_x", "relaxed_cell_y")
+SAME_DESIGN = (
+    *("n_stripe", "n_subunit", "relaxed_cell_x", "relaxed_cell_y", "knit_cell_x", "knit_cell_y"),
+    *(
+        f"{knit}_{name}"
+        for knit in ("rib", "garter")
+        for name in ("period", "k_s", "k_t", "theta_0")
+    ),
+)
+"""Labels, sizes and stripes by which two cubes have the same design."""
+ALONG_WALES = 90.0  # direction of a pull from the courses, if a cube has no other [degree]
+TOLERANCE = 1e-3  # of sizes that were simulated twice, relative
+
+
+def sensor_of(cube: xr.Dataset, design: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
+    """The pull along the courses of a cube with electrodes, of a design; InputError if none is."""
+    require(cube, NEEDED, "a sensor on a limb")
+    rows = [cube]
+    if not is_case(cube):
+        known = {name: value for name, value in selections.items() if name in cube.dims}
+        stacked = select(cube, known).stack(test=design_dims(cube))
+        rows = [stacked.isel(test=number) for number in range(stacked.sizes["test"])]
+    alike = [row for row in rows if _is_alike(row, design)]
+    if not alike:
+        message = "has no test of the design of the law; simulate that with electrodes"
+        raise invalid(cube_name(cube) or "sensor", f"{message} and load = weft")
+    pulls = [row for row in alike if float(row.get("load_direction", ALONG_WALES)) == 0]
+    if not pulls:
+        message = "has no pull along the courses, as a limb pulls; simulate it with load = weft"
+        raise invalid(cube_name(cube) or "sensor", message)
+    if len(pulls) > 1:
+        message = f"has {len(pulls)} such pulls; give a cube with one layout of electrodes"
+        raise invalid(cube_name(cube) or "sensor", message)
+    return pulls[0]
+
+
+def _is_alike(row: xr.Dataset, design: xr.Dataset) -> bool:
+    names = [name for name in SAME_DESIGN if name in row and name in design]
+    return all(np.isclose(row[name], design[name], rtol=TOLERANCE) for name in names)
+
+
+def add_readings(table: pd.DataFrame, sensor: xr.Dataset) -> None:
+    """Add the capacitance [pF], its change from the relaxed one, and its slope by the stretch."""
+    known = sensor["capacitance"].dropna(STRAIN)
+    strain, capacitance = known[STRAIN].values, known.values
+    stretch = table["stretch"].clip(lower=0)
+    beyond = stretch > strain[-1]
+    columns = {
+        "capacitance": np.interp(stretch, strain, capacitance),
+        "capacitance_change": np.interp(stretch, strain, capacitance) - capacitance[0],
+        "capacitance_slope": np.interp(stretch, strain, np.gradient(capacitance, strain)),
+    }
+    for name, values in columns.items():
+        table[name] = np.where(beyond, np.nan, values)
+        table.attrs["units"][name] = "pF"
