@@ -25,7 +25,7 @@ from knitlab.observables.status import Status
 from knitlab.runs.figure_names import FIGURE_NAMES
 from tests.figures.boxes import faults
 from tests.figures.test_contact import side_by_side
-from tests.figures.test_drawing import synthetic_case
+from tests.figures.test_drawing import synthetic_case, values_written
 from tests.figures.test_uncertainty import ACRYLIC, ROOT
 
 REFERENCE = ROOT / "results" / "reference"
@@ -188,6 +188,16 @@ def test_a_figure_can_be_read_or_is_refused(drawn, monkeypatch):
 
 def test_every_figure_is_looked_at():
     assert {each.name for each in ALL} == set(FIGURE_NAMES)
+
+
+def test_tests_without_poissons_ratio_show_their_force():
+    cube = sheared(one("preview"))
+    (written,) = values_written(draw("auxetic", [cube]).axes[0])
+    last = cube["force_per_width"].isel(applied_strain=-1).item()
+    assert float(written) == pytest.approx(10 * last, rel=0.01)
+    panels = draw("curves", [cube]).axes
+    assert any("force" in axes.get_ylabel() for axes in panels)
+    assert not any("Poisson" in axes.get_ylabel() for axes in panels)
 
 
 @pytest.mark.parametrize(("count", "files"), [(3, 9), (7, 1)])

@@ -7,7 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import PercentFormatter
+from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from knitlab.figures.curves import break_note, broken, snapped_before
 from knitlab.figures.registry import figure
@@ -128,6 +128,7 @@ def _draw_sizes(
     axes.set_xlabel("change of the relaxed unit cell")
     axes.tick_params(axis="y", length=0)
     axes.xaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.xaxis.set_major_locator(MaxNLocator(5))
     handles = [Line2D([], [], color="0.3", **look) for look in SIZES.values()]
     if through.any():
         handles.append(Line2D([], [], marker="s", ms=7, ls="", color=THROUGH, label=NOTE))

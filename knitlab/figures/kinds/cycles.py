@@ -6,6 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from knitlab.figures.cells import not_run
 from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, STRAIN_LABEL, TWO_COLUMNS, shades
 from knitlab.io.errors import invalid
@@ -35,8 +36,9 @@ def cycles(cube: xr.Dataset) -> Figure:
     others = [dim for dim in cube[BACK].dims if dim not in (CYCLE, STRAIN)]
     stacked = cube.stack(design=others) if others else cube.expand_dims("design")
     stacked = stacked.isel(design=stacked[BACK].notnull().any([CYCLE, STRAIN]).values)
-    if stacked.sizes["design"] != 1:
-        count = stacked.sizes["design"]
+    if not (count := stacked.sizes["design"]):
+        raise not_run()
+    if count > 1:
         raise invalid("cycles", f"shows one design that was unloaded, not {count}; select one")
     one = stacked.isel(design=0).transpose(CYCLE, STRAIN, ...)
     names = [name for name in OVER_CYCLES if name in one and one[name].notnull().any()]

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
 from knitlab.cubes.cube_file import parameters_of
+from knitlab.figures.cells import not_run
 from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, frame_polar, subplots
 from knitlab.io.errors import invalid
@@ -30,9 +31,12 @@ def directions(cube: xr.Dataset) -> Figure:
         raise invalid("directions", f"{message}; {hint}")
     stacked = cube.stack(design=DESIGN_DIMS).transpose("design", ANGLE, STRAIN, ...)
     stacked = stacked.isel(design=(stacked["status"] == Status.ok).any(ANGLE).values)
-    if not 0 < stacked.sizes["design"] <= MAX_DESIGNS:
-        count = stacked.sizes["design"]
-        raise invalid("directions", f"shows 1 to {MAX_DESIGNS} designs, not {count}; select some")
+    if not (count := stacked.sizes["design"]):
+        raise not_run()
+    if count > MAX_DESIGNS:
+        raise invalid(
+            "directions", f"shows at most {MAX_DESIGNS} designs, not {count}; select some"
+        )
     complete = stacked["poisson_ratio"].notnull().all(["design", ANGLE]).values
     if not complete.any():
         raise invalid("directions", "there is no strain at which all pulls have a Poisson's ratio")

@@ -75,7 +75,9 @@ def sensitivity(cube: xr.Dataset) -> Figure:
         axes.annotate(f"{knit} stripe", ((own[0] + own[-1]) / 2, -0.5), **above)
     cells.remove_frame(axes)
     extend = "both" if np.nanmax(np.abs(values), initial=0) > bound else "neither"
-    colour_bar(axes, colours, pad=0.01, extend=extend, label="$p\\,\\partial\\nu/\\partial p$ [1]")
+    if largest.size:
+        label = "$p\\,\\partial\\nu/\\partial p$ [1]"
+        colour_bar(axes, colours, pad=0.01, extend=extend, label=label)
     cells.marks_legend(figure, marked, "no derivative, or no lowest ratio", [NOTE])
     return figure
 
