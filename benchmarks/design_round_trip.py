@@ -12,7 +12,7 @@ import numpy as np
 
 import knitlab as kl
 from knitlab.model.stripe import changed_stripe
-from knitlab.observables.sensitivity import STRIPE_PARAMETERS
+from knitlab.observables.case_variables import STRIPE_PARAMETERS
 
 DESIGNS = (
     (4, 16), (8, 32), (2, 8), (6, 36), (4, 24), (6, 24), (2, 16), (8, 48), (4, 32), (2, 12),

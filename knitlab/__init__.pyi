@@ -47,7 +47,7 @@ from .lab.tension_record import read_cycles as read_cycles
 from .lab.tension_record import read_tension_record as read_tension_record
 from .model.electrodes import Capacitor as Capacitor
 from .model.electrodes import ElectrodeLayout as ElectrodeLayout
-from .model.fold_friction import Friction as Friction
+from .model.settings import Friction as Friction
 from .model.settings import PlainKnit as PlainKnit
 from .model.settings import Sheet as Sheet
 from .model.stitches import Gauge as Gauge

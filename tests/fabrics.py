@@ -29,7 +29,8 @@ from knitlab.model.network import MeshShape, Network
 from knitlab.model.pattern import PatchGrid, graded_pattern
 from knitlab.model.pure_stripe import tension_across
 from knitlab.model.settings import FoldAngle, ModelOptions, PlainKnit, Sheet
-from knitlab.model.stripe import Knit, Stripe, StripePair
+from knitlab.model.stripe import Knit, Stripe
+from knitlab.model.stripe_numbers import StripePair
 from knitlab.model.zigzag import tension
 from knitlab.runs.parameters import defaults
 from knitlab.solvers.dynamics.damped_test import MovingFabrics

@@ -11,7 +11,8 @@ import xarray as xr
 
 from knitlab.observables.status import Status
 from knitlab.runs.plan import make_plan
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run import run_plan
+from knitlab.runs.run_options import RunOptions
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "results" / "reference"

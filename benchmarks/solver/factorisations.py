@@ -18,9 +18,9 @@ from knitlab.model.energy import COMPLETE
 from knitlab.model.threads import Threads
 from knitlab.solvers.case import Case
 from knitlab.solvers.element_chunks import ChunkedFabric
-from knitlab.solvers.equilibrium.method import tilings
 from knitlab.solvers.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.solvers.equilibrium.system import one_thread_of_blas
+from knitlab.solvers.equilibrium.tests_of_cases import tilings
 from knitlab.solvers.factorisation.multifrontal import Multifrontal
 from knitlab.solvers.loads.loading import loading_of
 

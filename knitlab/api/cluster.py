@@ -60,7 +60,7 @@ def submit(
         ('submit.sh', None)
     """
     from knitlab.runs import slurm
-    from knitlab.runs.run import RunOptions
+    from knitlab.runs.run_options import RunOptions
 
     options: dict[str, Any] = {"retries": retries, "fail_fast": fail_fast, "refresh": refresh}
     options["case_timeout"] = case_timeout

@@ -36,7 +36,7 @@ from knitlab.lab.tension_record import (
 )
 from knitlab.model.computing import computing
 from knitlab.model.settings import CellSize
-from knitlab.model.spring_law import SpringCurve
+from knitlab.model.spring_curve import SpringCurve
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.runs.material import add_stripe, check_added
 from knitlab.runs.parameters import defaults

@@ -21,12 +21,12 @@ from knitlab.design.trial import ShapeFunction, shape_measure, state_slopes
 from knitlab.io.errors import ErrorCollector, Mistake, invalid, naming, raise_if_any, shown
 from knitlab.model.computing import computing
 from knitlab.model.electrodes import Capacitor
-from knitlab.model.fold_friction import Friction
-from knitlab.model.settings import Boundary, ModelOptions, PlainKnit, Sheet
+from knitlab.model.settings import Boundary, Friction, ModelOptions, PlainKnit, Sheet
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe, periods_per_patch
+from knitlab.observables.case_variables import STRIPE_PARAMETERS
 from knitlab.observables.schema import described
-from knitlab.observables.sensitivity import STRIPE_PARAMETERS, adjoint_of
+from knitlab.observables.sensitivity import adjoint_of
 from knitlab.observables.status import Status
 from knitlab.runs.case_settings import CaseSettings
 from knitlab.runs.cases import cases, checkerboard_designs, electrode_problems

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import xarray as xr
-
-from knitlab.cubes.cube_file import CUBE
-from knitlab.cubes.derived import with_derived
 from knitlab.io.errors import Mistake, invalid
 from knitlab.runs.workflow_file import Overrides
 
-if TYPE_CHECKING:  # these import JAX
+if TYPE_CHECKING:  # slow to import
+    import xarray as xr
+
     from knitlab.runs.merge import Merge
     from knitlab.runs.plan import Plan
 
@@ -39,7 +37,7 @@ def run(
     figures: bool = False,
     progress: bool = False,
     **settings: Any,
-) -> xr.Dataset:
+) -> "xr.Dataset":
     """Run a workflow: simulate the missing cases and build its cube.
 
     Args:
@@ -94,6 +92,9 @@ def run(
     )
     for remark in [*result.remarks, *map(str, result.mistakes)]:
         warnings.warn(remark, NotAllOk, stacklevel=2)
+    from knitlab.cubes.cube_file import CUBE
+    from knitlab.cubes.derived import with_derived
+
     cube = result.make_cube()
     if shard is None:
         cube.encoding["source"] = str(result.folder / CUBE)
@@ -105,7 +106,7 @@ class RunResult:
     """What a run did."""
 
     folder: Path
-    make_cube: Callable[[], xr.Dataset]
+    make_cube: Callable[[], Any]
     excluded: list[str]  # impossible designs, with the reasons
     simulated: int  # cases
     reused: int  # cases that were there
@@ -132,20 +133,23 @@ def run_and_draw(
     If there is nothing to run or draw, what exists is returned, unless the cube is to be built
     ``again``. ``warn`` is called with each warning of the plan.
     """
-    if shard is None and not again:
-        finished = _finished(str(workflow), overrides, results)
-        if finished is not None:
-            return finished
+    # What is invalid is said before anything slow is imported.
     from knitlab.runs.batches import Shard
     from knitlab.runs.plan import make_plan
-    from knitlab.runs.results_folder import CaseState
-    from knitlab.runs.run import RunOptions, run_plan
+    from knitlab.runs.run_options import RunOptions
 
     own = Shard.of(shard) if isinstance(shard, str) else shard and Shard(*shard)
     run_options = RunOptions(**options, shard=own)
+    if own is None and not again:
+        finished = _finished(str(workflow), overrides, results)
+        if finished is not None:
+            return finished
     plan = make_plan(str(workflow), overrides)
     for warning in plan.warnings:
         warn(warning)
+    from knitlab.runs.results_folder import CaseState
+    from knitlab.runs.run import run_plan
+
     folder = results / plan.workflow
     done = run_plan(plan, folder, run_options)
     drawn = list[Path]()
@@ -170,7 +174,11 @@ def run_and_draw(
 
 def _finished(workflow: str, overrides: Overrides, results: Path) -> RunResult | None:
     """What exists, if there is nothing to run or draw; without importing JAX or matplotlib."""
-    from knitlab.figures.figure_files import is_drawn, requested_figures
+    from knitlab.runs.recorded_plan import same_plan
+
+    if same_plan(workflow, overrides, results) is None:
+        return None
+    from knitlab.figures.figure_files import is_drawn, requested_figures  # import xarray
     from knitlab.runs.status import finished_plan
 
     finished = finished_plan(workflow, overrides, results)
@@ -205,7 +213,7 @@ def excluded_designs(dims: Sequence[str], excluded: Mapping[tuple[Any, ...], str
 
 def merge(
     *folders: str | Path, results: str | Path = RESULTS, any_code: bool = False
-) -> xr.Dataset:
+) -> "xr.Dataset":
     """Join results folders of one workflow, as of shards that ran on several machines.
 
     The folders are compared before anything is written, and are not changed.
@@ -232,6 +240,9 @@ def merge(
     merged = merge_folders(folders, results, any_code=any_code)
     for path in merged.damaged:
         warnings.warn(f"damaged, and left out: {path}", NotAllOk, stacklevel=2)
+    from knitlab.cubes.cube_file import CUBE
+    from knitlab.cubes.derived import with_derived
+
     merged.cube.encoding["source"] = str(merged.folder / CUBE)
     return with_derived(merged.cube)
 
@@ -273,7 +284,7 @@ def plan(
     """
     from knitlab.io.lock import locked
     from knitlab.runs.plan import make_plan
-    from knitlab.runs.results_folder import PLAN
+    from knitlab.runs.recorded_plan import PLAN
 
     made = make_plan(str(workflow), one_of(overrides, settings))
     if results is not None:

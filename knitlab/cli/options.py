@@ -70,7 +70,7 @@ class CommandGroup(click.Group):
         except InputError as error:
             command = self.get_command(ctx, ctx.invoked_subcommand or "") or self
             for each in error.mistakes:
-                echo_error(_with_option(str(each), command))
+                echo_error(with_options(str(each), command))
         except Exception as error:
             echo_error(_explained(error))
         sys.exit(BAD_INPUT)
@@ -150,14 +150,15 @@ def exit_unless(ok: bool) -> None:
         sys.exit(SOME_CASE_NOT_OK)
 
 
-def _with_option(message: str, command: click.Command) -> str:
+def with_options(message: str, command: click.Command | None = None) -> str:
     """A message about a Python argument, with the name of its option instead.
 
-    The hint ``give NAME = VALUE`` becomes ``give --name VALUE``.
+    The hint ``give NAME = VALUE`` becomes ``give --name VALUE``, and ``give NAME = True`` a flag.
     """
+    command = command or click.get_current_context().command
     opts = {each.name: each.opts[-1] for each in command.params if isinstance(each, click.Option)}
     message = re.sub(
-        r"\b(give|and|or) (\w+) = ",
+        r"\b(give|and|or) (\w+) =( True)? ?",
         lambda match: f"{match[1]} {opts[match[2]]} " if match[2] in opts else match[0],
         message,
     )

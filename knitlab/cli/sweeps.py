@@ -150,7 +150,7 @@ def run(
         click.echo("other shards still run; the last one to end writes the cube")
     options.echo_report([], warnings=result.mistakes)
     for line in result.remarks:
-        click.echo(one_line(line), err=True)
+        click.echo(one_line(options.with_options(line)), err=True)
     options.exit_unless(result.all_ok)
 
 

@@ -34,7 +34,8 @@ from knitlab.io.errors import invalid
 from knitlab.io.lock import locked
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import label_text
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run import run_plan
+from knitlab.runs.run_options import RunOptions
 from knitlab.runs.workers import interrupted_by_signals
 from knitlab.runs.workflow import PATTERN
 

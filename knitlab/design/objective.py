@@ -13,7 +13,7 @@ from knitlab.cubes.target import Target, check_window
 from knitlab.design.request import DesignRequest
 from knitlab.design.trial import ALONG_STRAIN, OF_DESIGN, OVER_WIDTH, ShapeFunctions, Slopes, Trial
 from knitlab.io.errors import ErrorCollector, Mistake, raise_if_any, unknown
-from knitlab.observables.measurement import variables_of
+from knitlab.observables.case_variables import variables_of
 from knitlab.observables.of_cubes import CLOTH, DESIGN, STRIPES
 from knitlab.observables.schema import STRAIN, VARIABLES
 from knitlab.solvers.case import Case

@@ -26,7 +26,7 @@ from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel, read_toml
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import STRIPE_QUANTITIES
-from knitlab.observables.sensitivity import STRIPE_PARAMETERS
+from knitlab.observables.case_variables import STRIPE_PARAMETERS
 from knitlab.runs.declared_fields import declared
 from knitlab.runs.patterns import is_pattern_name
 from knitlab.runs.workflow import PATTERN, SETTINGS, SWEPT_PROTOCOL

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from knitlab.design.request import CHOICES, PARAMETERS, DesignRequest, Variable
 from knitlab.io.errors import invalid
 from knitlab.model.stitches import Gauge
-from knitlab.observables.sensitivity import STRIPE_PARAMETERS
+from knitlab.observables.case_variables import STRIPE_PARAMETERS
 from knitlab.runs.plan import make_plan
 from knitlab.solvers.case import Case
 

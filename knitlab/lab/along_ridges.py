@@ -10,7 +10,8 @@ from scipy.interpolate import PchipInterpolator
 
 from knitlab.lab.tension_record import TensionRecord
 from knitlab.model.pure_stripe import PureStripe, tension_along
-from knitlab.model.spring_law import CurveLaw, SpringCurve
+from knitlab.model.spring_curve import SpringCurve
+from knitlab.model.spring_law import CurveLaw
 
 KNOTS = 12  # of the curve of the springs
 SWEEPS = 60  # in which the curve settles

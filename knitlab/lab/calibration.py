@@ -31,7 +31,8 @@ from knitlab.lab.tension_record import TensionRecord
 from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.model.pure_stripe import PureStripe, tension_across
 from knitlab.model.settings import CellSize
-from knitlab.model.spring_law import CurveLaw, SpringCurve
+from knitlab.model.spring_curve import SpringCurve
+from knitlab.model.spring_law import CurveLaw
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.model.stripe_covariance import MIN_REPEATS, StripeCovariance
 from knitlab.model.zigzag import stripe_law

@@ -32,8 +32,8 @@ from knitlab.lab.curves import (
     simulated_test,
     with_factors,
 )
+from knitlab.observables.case_variables import STRIPE_PARAMETERS
 from knitlab.observables.schema import VARIABLES
-from knitlab.observables.sensitivity import STRIPE_PARAMETERS
 from knitlab.runs.material import Material
 from knitlab.solvers.case import Case
 from knitlab.solvers.equilibrium.adjoint import NoDerivative

@@ -19,7 +19,7 @@ from knitlab.lab.fit_statistics import (
     covariance_of_unit_noise,
 )
 from knitlab.lab.tension_record import LoadingCycles, Passage, TensionRecord
-from knitlab.model.fold_friction import Friction
+from knitlab.model.settings import Friction
 
 FRICTION = ("fold_friction", "fold_drift")
 FITTED = (*ELASTIC, *FRICTION)

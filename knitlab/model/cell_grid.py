@@ -2,12 +2,17 @@
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
-from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
+
+if TYPE_CHECKING:
+    from jaxtyping import Array
+
+    from knitlab.model.fabric import Configuration
 
 
 @dataclass(frozen=True)
@@ -44,10 +49,10 @@ def central(count: int) -> slice:
 
 def nodes_at(
     shape: MeshShape,
-    configuration: Configuration,
+    configuration: "Configuration",
     rows: Int[np.ndarray, " row"],
     columns: Int[np.ndarray, " column"],
-) -> Float[Array | np.ndarray, "*state row column 3"]:
+) -> "Float[Array | np.ndarray, '*state row column 3']":
     """Positions of nodes [mm]; rows and columns beyond the last are images (periodic fabric)."""
     turns_y, rows = np.divmod(rows, shape.nodes_y)
     turns_x, columns = np.divmod(columns, shape.nodes_x)

@@ -20,9 +20,6 @@ from pydantic import (
     ValidatorFunctionWrapHandler,
     WrapValidator,
 )
-from scipy.ndimage import label
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from knitlab.model.checked import Checked
 from knitlab.model.fold_lines import Ridge, fold_senses
@@ -269,6 +266,10 @@ def _broken(
     """Mistakes of a drawn electrode: not connected, or not continued across a periodic boundary."""
     if not plated.any():
         return [f"the mask has no letter {name}; draw both electrodes"]
+    from scipy.ndimage import label  # slow to import
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     pieces, count = label(plated)
     if shape.periodic:
         axis = 0 if along == "wale" else 1

@@ -5,59 +5,16 @@ step of a test minimises an incremental potential; then the slip is updated (ret
 Hughes, Computational Inelasticity, Ch. 1). The paper has no friction.
 """
 
-from dataclasses import dataclass, replace
-from typing import Annotated
+from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from pydantic import Field, PositiveFloat
 
-from knitlab.model.checked import Checked
-from knitlab.model.settings import Unit
+from knitlab.model.settings import Friction
 
-NotNegative = Annotated[float, Field(ge=0)]
 Each = Float[Array | np.ndarray, "*element"]  # of every hinge
-
-
-@dataclass(frozen=True)
-class Friction(Checked):
-    """Friction at the folds, relative to the stiffness k_t of each, and drift of their rest angles.
-
-    Attributes:
-        fold_friction: yield moment over k_t: the angle by which friction can shift the rest angle;
-            0 for no friction [rad].
-        fold_slide: angle over which friction builds up from none, half of what a fold turns back
-            before it slips the other way; small against the angles of the test [rad].
-        fold_hardening: growth of the yield moment with the angle slipped, over k_t [1].
-        fold_drift: what a rest angle takes on of the change of its fold in the first cycle, at the
-            largest strain; 1/c of that in cycle c, so that the set grows with its logarithm [1].
-    """
-
-    fold_friction: Annotated[float, Field(ge=0), Unit("rad")] = 0.0
-    fold_slide: Annotated[PositiveFloat, Unit("rad")] = 0.05
-    fold_hardening: NotNegative = 0.0
-    fold_drift: NotNegative = 0.0
-
-    @property
-    def acts(self) -> bool:
-        """Whether friction or drift makes loading and unloading differ."""
-        return self.fold_friction > 0 or self.fold_drift > 0
-
-    def begun(self, fold_stiffness: Each, angle: Each) -> "FoldFriction | None":
-        """The friction elements of hinges, without moment at these angles from rest; or None."""
-        if not self.fold_friction:
-            return None
-        k_t = np.asarray(fold_stiffness)
-        stiffness = k_t * self.fold_friction / self.fold_slide
-        hardening = k_t * self.fold_hardening
-        slope = np.zeros_like(k_t)
-        np.divide(stiffness * hardening, stiffness + hardening, out=slope, where=stiffness > 0)
-        return FoldFriction(stiffness, k_t * self.fold_friction, slope, np.asarray(angle))
-
-
-NO_FRICTION = Friction()
 
 
 class FoldFriction(eqx.Module):
@@ -67,6 +24,18 @@ class FoldFriction(eqx.Module):
     moment: Each  # at which it slips [N mm]
     slope: Each  # while it slips [N mm]
     slip: Each  # fold angle from rest without moment [rad]
+
+    @classmethod
+    def begun(cls, friction: Friction, fold_stiffness: Each, angle: Each) -> "FoldFriction | None":
+        """The elements of hinges, without moment at these angles from rest; None if no friction."""
+        if not friction.fold_friction:
+            return None
+        k_t = np.asarray(fold_stiffness)
+        stiffness = k_t * friction.fold_friction / friction.fold_slide
+        hardening = k_t * friction.fold_hardening
+        slope = np.zeros_like(k_t)
+        np.divide(stiffness * hardening, stiffness + hardening, out=slope, where=stiffness > 0)
+        return cls(stiffness, k_t * friction.fold_friction, slope, np.asarray(angle))
 
     def _sticking(self, angle: Each) -> tuple[Each, Each]:
         """The elastic angle up to the yield moment, and what is beyond [rad]."""

@@ -7,11 +7,10 @@ lies within half a cell of it.
 """
 
 from functools import lru_cache
+from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from knitlab.model.array_library import array_library
 from knitlab.model.pattern import CELLS_PER_PERIOD, PatchGrid
@@ -52,9 +51,7 @@ class Ridge:
                 shares[(line * self.refinement + offset) % len(shares)] += share
         return 1 / (self.refinement * shares)
 
-    def rest_fold(
-        self, theta_0: Float[Array | np.ndarray, "*stripe"]
-    ) -> Float[Array | np.ndarray, "*stripe"]:
+    def rest_fold(self, theta_0: Any) -> Any:
         """Total fold angle at rest [rad] of a ridge whose sharp fold has the rest angle θ0.
 
         On a finer grid than the paper's it is chosen so that a pure stripe also relaxes to
@@ -63,13 +60,16 @@ class Ridge:
         sharp = np.pi - theta_0
         if self.refinement == 1:
             return sharp
+        import jax.numpy as jnp  # slow to import
+        import optimistix as optx
+
         middle = self.refinement
         # Tilt of the cells from the middle of the ridge to that of the flank, over the fold angle.
         tilts = self.fold_shares[middle] / 2 + np.concatenate(
             [[0.0], np.cumsum(self.fold_shares[middle + 1 : 2 * middle])]
         )
 
-        def excess(fold: Array, contraction: Array) -> Array:
+        def excess(fold: Any, contraction: Any) -> Any:
             return jnp.mean(jnp.cos(fold[..., None] * tilts), axis=-1) - contraction
 
         solution: optx.Solution = optx.root_find(

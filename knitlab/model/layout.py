@@ -14,7 +14,8 @@ from knitlab.model.network import Network, Spans, mesh_shape, network
 from knitlab.model.pattern import CELLS_PER_PERIOD, PatchGrid
 from knitlab.model.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.model.spring_law import SpringLaw, spring_law
-from knitlab.model.stripe import StripeNumbers, StripePair, cell_length
+from knitlab.model.stripe import cell_length
+from knitlab.model.stripe_numbers import StripeNumbers, StripePair
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,6 +79,34 @@ class ModelOptions(Checked):
 
 
 @dataclass(frozen=True)
+class Friction(Checked):
+    """Friction at the folds, relative to the stiffness k_t of each, and drift of their rest angles.
+
+    Attributes:
+        fold_friction: yield moment over k_t: the angle by which friction can shift the rest angle;
+            0 for no friction [rad].
+        fold_slide: angle over which friction builds up from none, half of what a fold turns back
+            before it slips the other way; small against the angles of the test [rad].
+        fold_hardening: growth of the yield moment with the angle slipped, over k_t [1].
+        fold_drift: what a rest angle takes on of the change of its fold in the first cycle, at the
+            largest strain; 1/c of that in cycle c, so that the set grows with its logarithm [1].
+    """
+
+    fold_friction: Annotated[float, Field(ge=0), Unit("rad")] = 0.0
+    fold_slide: Annotated[PositiveFloat, Unit("rad")] = 0.05
+    fold_hardening: Annotated[float, Field(ge=0)] = 0.0
+    fold_drift: Annotated[float, Field(ge=0)] = 0.0
+
+    @property
+    def acts(self) -> bool:
+        """Whether friction or drift makes loading and unloading differ."""
+        return self.fold_friction > 0 or self.fold_drift > 0
+
+
+NO_FRICTION = Friction()
+
+
+@dataclass(frozen=True)
 class Sheet(Checked):
     """The walls between which every fabric lies, and its thickness.
 

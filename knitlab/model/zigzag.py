@@ -17,7 +17,8 @@ from jaxtyping import Array, Float
 
 from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.model.settings import ModelOptions
-from knitlab.model.spring_law import LINEAR, SpringCurve, SpringLaw, spring_law
+from knitlab.model.spring_curve import SpringCurve
+from knitlab.model.spring_law import LINEAR, SpringLaw, spring_law
 from knitlab.model.stripe import Stripe, cell_length
 
 AS_CALIBRATED = ModelOptions(cell_size="relaxed")  # with which a measured curve is fitted

@@ -1,37 +1,15 @@
 """Measurement of a finished test: all variables of a case, as a labelled dataset."""
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from knitlab.observables.case_variables import FIXED_COORDINATES, fixed_coordinates, variables_of
 from knitlab.observables.finished_test import FinishedTest
-from knitlab.observables.observable import REGISTRY, Variable
-from knitlab.observables.schema import VARIABLES, described
-from knitlab.observables.sensitivity import STRIPE_PARAMETERS
-from knitlab.observables.wavelength import POINTS
+from knitlab.observables.observable import REGISTRY
+from knitlab.observables.schema import described
 from knitlab.solvers.case import Case
-
-FIXED_COORDINATES: dict[str, list[Any]] = {
-    "stripe_parameter": list(STRIPE_PARAMETERS),
-    "boundary_point": np.linspace(0, 1, POINTS).tolist(),
-}
-"""Labels along dimensions that are the same for every case."""
-
-
-def fixed_coordinates(dims: Iterable[str]) -> dict[str, list[Any]]:
-    """The :data:`FIXED_COORDINATES` of some dimensions."""
-    return {name: labels for name, labels in FIXED_COORDINATES.items() if name in dims}
-
-
-def variables_of(case: Case) -> dict[str, Variable]:
-    """The variables that the file of a case has."""
-    return {
-        name: variable
-        for name, variable in VARIABLES.items()
-        if variable.group.has is not None and variable.group.has(case)
-    }
 
 
 def measured(test: FinishedTest) -> xr.Dataset:

@@ -5,9 +5,9 @@ observable is to write such a module and to import it here.
 """
 
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from knitlab.observables.capacitance.sensor import CapacitorStatus
 from knitlab.observables.observable import REGISTRY, Variable
@@ -28,6 +28,9 @@ from knitlab.observables import capacitors as capacitors
 from knitlab.observables import spread as spread
 from knitlab.observables import motion_history as motion_history
 # isort: on
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 VARIABLES = REGISTRY.variables  # every variable, by name
 FLAGS: dict[str, type[IntEnum]] = {"status": Status, "capacitor_status": CapacitorStatus}
@@ -77,7 +80,7 @@ COORDINATES = {
 }
 
 
-def described(dataset: xr.Dataset) -> xr.Dataset:
+def described(dataset: "xr.Dataset") -> "xr.Dataset":
     """The dataset with the CF attributes of every variable and coordinate of the schema."""
     for name, variable in (COORDINATES | VARIABLES).items():
         if name in dataset.variables:
@@ -95,7 +98,7 @@ def described(dataset: xr.Dataset) -> xr.Dataset:
 SMALL = 4096  # bytes of an array up to which HDF5's index of a compressed one is larger
 
 
-def encoding(dataset: xr.Dataset, compressed: bool = True) -> dict[str, dict[str, object]]:
+def encoding(dataset: "xr.Dataset", compressed: bool = True) -> dict[str, dict[str, object]]:
     """NetCDF encoding of a case or cube: integers stored as such, large arrays compressed."""
     chosen: dict[str, dict[str, object]] = {str(name): {} for name in dataset.data_vars}
     for name, settings in chosen.items():

@@ -12,7 +12,7 @@ from knitlab.model.cell_grid import CellGrid
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Configuration, Fabric
 from knitlab.model.network import MeshShape, network
-from knitlab.model.stripe import StripePair
+from knitlab.model.stripe_numbers import StripePair
 from knitlab.observables.unit_cells import (
     central_mean,
     local_strain,
@@ -27,13 +27,6 @@ from knitlab.solvers.loads import WARP
 from knitlab.solvers.loads.loading import reaction_force
 
 QUANTITIES = ("poisson_ratio", "reaction_force")  # quantities whose sensitivities a cube has
-STRIPE_PARAMETERS = {
-    f"{knit}_{name}": (side, name)
-    for knit, side in (("rib", "weft"), ("garter", "warp"))
-    for name in ("k_s", "k_t", "theta_0", "period")
-}
-"""Stripe and attribute of each parameter in a :class:`~knitlab.model.stripe.StripePair`, by its
-name. The periods of rib and garter are the paper's w and h."""
 
 Pushed = Float[Array, " unknown"]
 Quantity = Callable[[Configuration, Configuration, Fabric, Pushed], Float[Array, "..."]]

@@ -7,14 +7,16 @@ of a parabola through three points of its logarithm.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from knitlab.model.cell_grid import CellGrid
-from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
+
+if TYPE_CHECKING:
+    from knitlab.model.fabric import Configuration
 
 POINTS = 512  # number of points of a resampled line; more than any line of nodes or pixels resolves
 PADDING = 16  # length of the padded line over its own
@@ -39,7 +41,7 @@ class Wave:
 
 
 def boundary_line(
-    shape: MeshShape, cells: CellGrid, configuration: Configuration, direction: Direction
+    shape: MeshShape, cells: CellGrid, configuration: "Configuration", direction: Direction
 ) -> Float[np.ndarray, "point 2"]:
     """The boundary between unit cells nearest the middle, seen from above (along, across) [mm].
 
@@ -57,7 +59,7 @@ def boundary_line(
 
 
 def boundary_wave(
-    shape: MeshShape, cells: CellGrid, configuration: Configuration, direction: Direction
+    shape: MeshShape, cells: CellGrid, configuration: "Configuration", direction: Direction
 ) -> Wave | None:
     """The wave of that boundary; ``None`` if it crosses too few unit cells."""
     waves = cells.count[1 if direction == "x" else 0] * (PERIODIC_CELLS if shape.periodic else 1)

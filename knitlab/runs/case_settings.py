@@ -12,13 +12,14 @@ from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.model.settings import ModelOptions, Sheet, largest_thickness
 from knitlab.model.stripe import Knit, Stripe, cell_length, changed_stripe, changed_table
 from knitlab.runs.parameters import Parameters
+from knitlab.runs.recorded_plan import Labels
 from knitlab.runs.workflow import CHANGES, PLAIN_NUMBERS, Workflow
 from knitlab.solvers.case import Case, Label
 from knitlab.solvers.combination import RULES, Combination
 from knitlab.solvers.methods import METHODS
 
 Table = TypeVar("Table")
-Designs = dict[tuple[Any, ...], str | None]
+Designs = dict[Labels, str | None]
 """Designs by their labels along the dimensions, with the reason why one is impossible."""
 Source = Callable[[str], str]
 """Names where a ``section.key`` comes from, for a message."""

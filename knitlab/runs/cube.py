@@ -19,25 +19,24 @@ import xarray as xr
 from dask.array.core import normalize_chunks
 
 from knitlab.cubes.case_file import case_path, read_values, stored_cases
+from knitlab.cubes.common_settings import differences, shared
 from knitlab.cubes.cube_file import (
     ATTRIBUTE,
     GAUGE,
     OPTION,
     Damaged,
     design_dims,
-    differences,
     known_variables,
     parameters_of,
     read_cube,
-    shared,
 )
 from knitlab.cubes.normalised import TEXTS, NoCube, require
 from knitlab.io.errors import invalid
 from knitlab.io.provenance import provenance
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import STRIPE_QUANTITIES
+from knitlab.observables.case_variables import FIXED_COORDINATES, fixed_coordinates, variables_of
 from knitlab.observables.knit_size import ALONG_X, ALONG_Y, at_gauge, knit_sizes
-from knitlab.observables.measurement import FIXED_COORDINATES, fixed_coordinates, variables_of
 from knitlab.observables.of_cubes import CLOTH, DESIGN, STRIPES
 from knitlab.observables.schema import VARIABLES, described
 from knitlab.observables.status import Status
@@ -77,10 +76,11 @@ class Owner(NamedTuple):
 Owners = Mapping[Labels, Owner]
 
 
-def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
+def previous_cube(plan: Plan, path: Path, refresh: bool = False) -> xr.Dataset | None:
     """The existing cube, if there is one; InputError if the plan's designs cannot be added to it.
 
-    A damaged cube, or one that another program made unreadable, is renamed.
+    With ``refresh`` the plan's designs replace those that the cube has. A damaged cube, or one that
+    another program made unreadable, is renamed.
     """
     if not path.exists():
         return None
@@ -92,15 +92,46 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     dims = design_dims(cube)
     if dims != plan.dims:
         message = f"has the dimensions {', '.join(dims)}, but the workflow has"
-        raise invalid(str(path), f"{message} {', '.join(plan.dims)}; name another results folder")
+        hint = f"give results = {unused_folder(path.parent.parent)}"
+        raise invalid(str(path), f"{message} {', '.join(plan.dims)}; {hint}")
+    _check_strains(plan, cube, path, refresh)
     others = set(cube_designs(cube)) - set(plan.designs.values())
     changed = differences(parameters_of(cube), plan.common)
     listed = "; ".join(str(change) for change in changed if change.key[0] not in MAY_DIFFER)
     if others and listed:
-        message = f"holds {len(others)} designs computed otherwise ({listed}); name another results"
-        message += " folder, or list the values of a setting to make it a dimension"
-        raise invalid(str(path), message)
+        message = f"holds {len(others)} designs computed otherwise ({listed}); give results ="
+        message += f" {unused_folder(path.parent.parent)}, or list the values of a setting to make"
+        raise invalid(str(path), f"{message} it a dimension")
     return cube
+
+
+def unused_folder(folder: Path) -> Path:
+    """A folder beside another, of a name that is not in use."""
+    names = (folder.with_name(f"{folder.name or 'results'}-{k}") for k in itertools.count(2))
+    return next(path for path in names if not path.exists())
+
+
+def _check_strains(plan: Plan, cube: xr.Dataset, path: Path, refresh: bool) -> None:
+    """Refuse other strains than those of designs that stay; a test may be longer or shorter."""
+    before, now = cube["applied_strain"].values.tolist(), plan.applied_strain
+    if all(one == other for one, other in zip(before, now, strict=False)):
+        return
+    known = {labels: each for labels, each in cube_designs(cube).items() if each.has_results}
+    planned = set(plan.designs.values())
+    apart = known.keys() - planned
+    stay = (
+        apart
+        if refresh
+        else {labels for labels, each in known.items() if each.case_id not in plan.cases}
+    )
+    if not stay or (planned <= known.keys() and not refresh):
+        return
+    grids = [f"{len(each)} strains to {each[-1]:g}" for each in (before, now)]
+    message = f"holds designs at other strains ({grids[0]}, the plan has {grids[1]})"
+    hint = f"give results = {unused_folder(path.parent.parent)} to keep both"
+    if not apart:
+        hint += ", or refresh = True to compute them again"
+    raise invalid(str(path), f"{message}; {hint}")
 
 
 def validated_cube(cube: xr.Dataset, path: Path) -> xr.Dataset:

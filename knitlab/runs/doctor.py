@@ -166,7 +166,8 @@ def _simulation() -> Finding:
     """One design of the preview, in a worker: a crash of a library ends only that process."""
     try:
         from knitlab.runs.plan import make_plan
-        from knitlab.runs.run import RunOptions, run_plan
+        from knitlab.runs.run import run_plan
+        from knitlab.runs.run_options import RunOptions
 
         plan = make_plan(WORKFLOW, DESIGN)
         (case,) = plan.cases.values()

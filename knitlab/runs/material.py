@@ -13,7 +13,7 @@ from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel, read_checked, read_toml, write_toml
 from knitlab.model.checked import Checked
 from knitlab.model.settings import CellSize, ModelOptions, PlainKnit, Unit
-from knitlab.model.spring_law import SpringCurve
+from knitlab.model.spring_curve import SpringCurve
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import STRIPE_QUANTITIES, Knit, Stripe, flat_stitch
 from knitlab.model.stripe_covariance import Covariance, StripeCovariance

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import xarray as xr
 
 from knitlab.cubes import case_file, cube_file
-from knitlab.cubes.cube_file import CUBE, differences, parameters_of
+from knitlab.cubes.common_settings import differences
+from knitlab.cubes.cube_file import CUBE, parameters_of
 from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.limits import MAX_CASES_NAMED
@@ -27,8 +28,9 @@ from knitlab.runs.cube import (
     validated_cube,
 )
 from knitlab.runs.plan import joined_plan
+from knitlab.runs.recorded_plan import PLAN
 from knitlab.runs.reproduce import CURVES, comparison
-from knitlab.runs.results_folder import PLAN, CubeDesign, Failure, Labels
+from knitlab.runs.results_folder import CubeDesign, Failure, Labels
 
 
 class Merge(NamedTuple):
@@ -68,7 +70,7 @@ class FolderContents:
             workflow, dims = str(cube.attrs.get("workflow", workflow)), cube_file.design_dims(cube)
             gauge = {name: cube.attrs.get(name) for name in GAUGE_ATTRIBUTES.values()}
             parameters = parameters_of(cube) | gauge
-        record = results_folder.read_plan(path) if (path / PLAN).exists() else None
+        record = read_plan(path) if (path / PLAN).exists() else None
         if record is not None:
             workflow = record["workflow"]
             dims, parameters = dims or tuple(record["dims"]), parameters or record["parameters"]

@@ -14,9 +14,16 @@ from knitlab.io.names import Name
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_checked
 from knitlab.model.electrodes import Capacitor, ElectrodeLayout
-from knitlab.model.fold_friction import Friction
-from knitlab.model.settings import CellSize, Contact, GarterStart, ModelOptions, PlainKnit, Sheet
-from knitlab.model.spring_law import SpringCurve
+from knitlab.model.settings import (
+    CellSize,
+    Contact,
+    Friction,
+    GarterStart,
+    ModelOptions,
+    PlainKnit,
+    Sheet,
+)
+from knitlab.model.spring_curve import SpringCurve
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,

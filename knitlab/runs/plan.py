@@ -9,15 +9,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from knitlab.cubes.cube_file import common_settings
-from knitlab.cubes.recorded_case import case_of_record
+from knitlab.cubes.common_settings import common_settings
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.checksum import json_with_checksum
 from knitlab.io.errors import ErrorCollector, InputError, Mistake, invalid
 from knitlab.io.limits import MAX_CASES
 from knitlab.io.provenance import MODEL, file_digests, package_digest, text_digest
 from knitlab.io.shipped import shipped
-from knitlab.model.computing import computing
 from knitlab.model.settings import PlainKnit
 from knitlab.model.stitches import Gauge
 from knitlab.observables.observable import Variable
@@ -29,8 +27,8 @@ from knitlab.runs.cases import KINDS, cases, electrode_problems, with_pattern_fi
 from knitlab.runs.declared_fields import FACTOR
 from knitlab.runs.material import MATERIAL, with_material_file
 from knitlab.runs.parameters import Parameters, defaults
+from knitlab.runs.recorded_plan import Labels
 from knitlab.runs.remarks import unusual_values
-from knitlab.runs.results_folder import Labels
 from knitlab.runs.workflow import CHANGES, SETTINGS, SPRING_LAW_CHANGES, Workflow
 from knitlab.runs.workflow_file import Overrides, workflow_file
 from knitlab.runs.workflow_text import WorkflowText
@@ -113,7 +111,6 @@ class Plan:
             temporary.write_text(json_with_checksum(text), encoding="utf-8")
 
 
-@computing()
 def make_plan(workflow: str, overrides: Overrides = ()) -> Plan:
     """The plan of a workflow, by name or file, with overrides; InputError has every mistake."""
     text = workflow_text.read_workflow(workflow_file(workflow), overrides)
@@ -200,6 +197,8 @@ def _stripes_digest(parameters: Parameters, workflow: Workflow, swept: set[str])
 
 def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
     """Recorded plans of one workflow as one; it states inputs only if they have the same cases."""
+    from knitlab.cubes.recorded_case import case_of_record  # imports xarray
+
     first, cases = records[0], dict[str, Case]()
     for case_id, stored in dict(item for each in records for item in each["cases"].items()).items():
         cases[case_id] = case_of_record(stored, f"{source}: {case_id}")

@@ -20,7 +20,8 @@ from knitlab.io.provenance import MODEL
 from knitlab.model.computing import computing
 from knitlab.observables.finished_test import FinishedTest
 from knitlab.observables.measurement import measured
-from knitlab.runs.results_folder import FAILURES, PLAN, earlier_failures, read_plan
+from knitlab.runs.recorded_plan import PLAN, read_plan
+from knitlab.runs.results_folder import FAILURES, earlier_failures
 from knitlab.solvers.case import Case
 from knitlab.solvers.methods import METHODS
 

@@ -1,4 +1,4 @@
-"""A results folder: its recorded plan, the state of every case, and its failures. Needs no JAX."""
+"""A results folder: the state of every case, and its failures. Needs no JAX."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -18,14 +18,11 @@ from knitlab.cubes.case_file import (
 )
 from knitlab.cubes.cube_file import CUBE, design_dims
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.checksum import is_damaged_json
-from knitlab.io.errors import invalid
-from knitlab.io.provenance import MODEL, file_digests, stored_model
+from knitlab.io.provenance import MODEL, stored_model
 from knitlab.observables.status import RUN, Status
+from knitlab.runs.recorded_plan import Labels
 
-PLAN = "plan.json"
 FAILURES = "failures.jsonl"
-Labels = tuple[Any, ...]
 Failure = dict[str, Any]  # an entry of `failures.jsonl`: a design that is not ok, and why
 
 
@@ -121,33 +118,6 @@ def case_states(
 def label_text(dims: Iterable[str], design: Iterable[Any]) -> str:
     """A design as text."""
     return "  ".join(f"{name} {label}" for name, label in zip(dims, design, strict=False))
-
-
-def read_plan(folder: Path) -> dict[str, Any]:
-    """The record of a folder's plan."""
-    path = folder / PLAN
-    try:
-        text = path.read_text(encoding="utf-8")
-        record: dict[str, Any] = json.loads(text)
-        if is_damaged_json(text) or "cases" not in record:
-            raise ValueError("its contents are not those of a plan")
-    except FileNotFoundError as error:
-        raise invalid(str(path), "does not exist; plan or run the workflow first") from error
-    except ValueError as error:
-        message = f"is not as it was written ({error}); plan the workflow again"
-        raise invalid(str(path), message) from error
-    return record
-
-
-def planned_designs(record: Mapping[str, Any]) -> dict[str, Labels]:
-    """Labels of the cases of a recorded plan, by identifier."""
-    return {case_id: tuple(case["design"].values()) for case_id, case in record["cases"].items()}
-
-
-def changed_inputs(record: Mapping[str, Any]) -> tuple[str, ...]:
-    """Input files of a recorded plan that have changed since it was made."""
-    now = file_digests(map(Path, record["inputs"]))
-    return tuple(path for path, digest in record["inputs"].items() if now.get(path) != digest)
 
 
 def earlier_failures(folder: Path) -> dict[str, Failure]:

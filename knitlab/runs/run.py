@@ -11,22 +11,21 @@ from pathlib import Path
 import xarray as xr
 
 from knitlab.cubes.case_file import case_path, read_case
-from knitlab.cubes.cube_file import CUBE, differences, parameters_of, write_cube
-from knitlab.io import job_limits
+from knitlab.cubes.common_settings import differences
+from knitlab.cubes.cube_file import CUBE, parameters_of, write_cube
 from knitlab.io.atomic_write import clear_unfinished
-from knitlab.io.errors import Mistake, invalid, raise_if_any
-from knitlab.io.limits import MAX_CASE_TIMEOUT
+from knitlab.io.errors import invalid
 from knitlab.io.lock import brief_lock, locked, running_shards
 from knitlab.io.provenance import MODEL
 from knitlab.observables.status import Status
 from knitlab.runs import results_folder, workers
 from knitlab.runs.batches import Shard, workers_that_fit
-from knitlab.runs.cube import DAMAGED_CUBE, build_cube, previous_cube
+from knitlab.runs.cube import DAMAGED_CUBE, build_cube, previous_cube, unused_folder
 from knitlab.runs.plan import Plan
 from knitlab.runs.progress import ProgressBar
+from knitlab.runs.recorded_plan import PLAN
 from knitlab.runs.results_folder import (
     FAILURES,
-    PLAN,
     CaseState,
     Check,
     Failure,
@@ -35,49 +34,11 @@ from knitlab.runs.results_folder import (
     earlier_failures,
     stored_statuses,
 )
-from knitlab.runs.simulate import simulate_batch
-from knitlab.runs.workers import BatchError, SchedulerLost, Simulate, Task
+from knitlab.runs.run_options import RunOptions
+from knitlab.runs.workers import BatchError, SchedulerLost, Task
 from knitlab.solvers.case import Case
 
 ONE_BY_ONE = 2  # number of attempts after which batches are run one by one
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """How a plan is run, see :func:`knitlab.run`; none of these options changes a result.
-
-    Without a number of ``workers`` a single batch is simulated in this process, which is ready
-    sooner, and several by one process for each processor of the job.
-    """
-
-    workers: int | None = 0
-    scheduler: str | None = None
-    retries: int = 0
-    fail_fast: bool = False
-    case_timeout: float | None = None
-    refresh: bool = False
-    shard: Shard | None = None
-    dashboard: bool = False
-    show_progress: bool = False
-    simulate: Simulate = simulate_batch
-
-    def __post_init__(self) -> None:
-        mistakes = [
-            Mistake(f"{name} {number}", "is not a whole number; give 0 or more")
-            for name, number in (("workers", self.workers or 0), ("retries", self.retries))
-            if not isinstance(number, int) or number < 0
-        ]
-        if self.case_timeout is not None and not 0 < self.case_timeout <= MAX_CASE_TIMEOUT:
-            message = f"is not above 0 and at most {MAX_CASE_TIMEOUT:,.0f} s; change or remove it"
-            mistakes.append(Mistake(f"case_timeout {self.case_timeout}", message))
-        raise_if_any(mistakes)
-
-    def processors(self, batches: int) -> int:
-        """Processes on this machine for a number of batches, or 0 for this process."""
-        if self.workers is not None:
-            return self.workers
-        # A separate process can be stopped, and its crash does not end the run.
-        return 0 if batches == 1 and self.case_timeout is None else job_limits.processors()
 
 
 @dataclass(frozen=True)
@@ -124,11 +85,13 @@ class Run:
             lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
         if stale := len(self.left_in(CaseState.stale_code)):
             kept = f"stale: {stale} cases of another model are kept"
-            lines.append(f"{kept}; a refresh recomputes them")
+            lines.append(f"{kept}; give refresh = True to compute them again")
         if stale := len(self.left_in(CaseState.stale_parameters)):
             listed = "; ".join(self.changed) or "of single designs"
             kept = f"stale: {stale} cases are kept as computed with other parameters ({listed})"
-            lines.append(f"{kept}; a refresh recomputes them, another results folder keeps both")
+            hint = "give refresh = True to compute them again"
+            other = unused_folder(folder.parent)
+            lines.append(f"{kept}; {hint}, or results = {other} to keep both")
         if self.stopped:
             left = len(self.left_in(CaseState.pending, CaseState.damaged))
             left_over = "1 case is left" if left == 1 else f"{left} cases are left"
@@ -149,10 +112,10 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
     with locked(results, (1, 1) if shard is None else (shard.number, shard.count)):
         with brief_lock(results):
             was_there = (results / CUBE).exists()
-            old = previous_cube(plan, results / CUBE)
+            old = previous_cube(plan, results / CUBE, options.refresh)
             # Another shard that has its lock may still wait to write its plan.
             if (results / PLAN).exists() and _others_run(results, shard):
-                recorded = results_folder.read_plan(results)
+                recorded = read_plan(results)
                 same_model = recorded["code"] == MODEL
                 if not same_model or recorded["cases"].keys() != plan.cases.keys():
                     message = "has other cases or another model than this plan, and its shards run"
@@ -195,7 +158,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
                 joined = not _others_run(results, shard)
                 if joined:
                     # Others may have written the cube while this shard was running.
-                    now = previous_cube(plan, results / CUBE)
+                    now = previous_cube(plan, results / CUBE, options.refresh)
                     after = case_states(plan.designs, results, cube_designs(now), Check.changed)
                     _join(plan, results, now, after, done)
     changed = () if old is None else differences(parameters_of(old), plan.common)
@@ -246,7 +209,9 @@ def _simulate(
         count = workers_that_fit(planned, count)
     # Processors without a batch go to the others as threads; those of a scheduler are not known.
     threads = 1 if options.scheduler else processors // max(count, 1)
-    task = Task(options.simulate, results.resolve(), options.case_timeout, threads)
+    if (simulate := options.simulate) is None:
+        from knitlab.runs.simulate import simulate_batch as simulate  # imports JAX
+    task = Task(simulate, results.resolve(), options.case_timeout, threads)
 
     def reached(case_id: str, states: float) -> None:
         # An exception that a signal raises is lost in a callback of JAX, as that of the collector.

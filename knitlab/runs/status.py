@@ -14,21 +14,18 @@ import xarray as xr
 from knitlab.cubes.cube_file import CUBE, read_cube
 from knitlab.io.errors import InputError
 from knitlab.io.names import named_folder
-from knitlab.io.provenance import package_digest
 from knitlab.observables.status import Status
+from knitlab.runs.recorded_plan import changed_inputs, planned_designs, read_plan, same_plan
 from knitlab.runs.results_folder import (
     CaseState,
     Check,
     Labels,
     case_states,
-    changed_inputs,
     cube_designs,
     earlier_failures,
     label_text,
-    planned_designs,
-    read_plan,
 )
-from knitlab.runs.workflow_file import Overrides, read_overrides, workflow_file
+from knitlab.runs.workflow_file import Overrides
 
 
 @dataclass(frozen=True)
@@ -124,20 +121,15 @@ def finished_plan(
     workflow: str, overrides: Overrides, results: Path
 ) -> tuple[dict[str, Any], xr.Dataset] | None:
     """The record of a plan and its cube if a run would change nothing, or None."""
+    record = same_plan(workflow, overrides, results)
+    if record is None:
+        return None
+    folder = results / record["workflow"]
     with suppress(InputError, OSError):
-        path = workflow_file(workflow)
-        folder = results / path.stem
-        record = read_plan(folder)
-        if (
-            record["overrides"] == {each.name: each.value for each in read_overrides(overrides)[0]}
-            and record["package"] == package_digest()
-            and str(path.resolve()) in record["inputs"]
-            and not changed_inputs(record)
-        ):
-            cube, designs = read_cube(folder, lazily=True), planned_designs(record)
-            known = cube_designs(cube)
-            ok = {each.case_id for each in known.values() if each.status is Status.ok}
-            if designs.keys() <= ok:
-                states = case_states(designs, folder, known, Check.changed)
-                return (record, cube) if set(states.values()) == {CaseState.done} else None
+        cube, designs = read_cube(folder, lazily=True), planned_designs(record)
+        known = cube_designs(cube)
+        ok = {each.case_id for each in known.values() if each.status is Status.ok}
+        if designs.keys() <= ok:
+            states = case_states(designs, folder, known, Check.changed)
+            return (record, cube) if set(states.values()) == {CaseState.done} else None
     return None

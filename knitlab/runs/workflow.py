@@ -20,9 +20,16 @@ from knitlab.io.errors import naming, unknown
 from knitlab.io.names import Line
 from knitlab.io.toml import StrictModel
 from knitlab.model.electrodes import Capacitor, ElectrodeLayout
-from knitlab.model.fold_friction import Friction
 from knitlab.model.pattern import map_letters
-from knitlab.model.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet, Unit
+from knitlab.model.settings import (
+    Boundary,
+    Fraction,
+    Friction,
+    ModelOptions,
+    PlainKnit,
+    Sheet,
+    Unit,
+)
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import STIFFENING, STRIPE_QUANTITIES, Knit
 from knitlab.runs.declared_fields import (

@@ -13,21 +13,21 @@ from pydantic import BeforeValidator, TypeAdapter
 from knitlab.model.cell_grid import CellGrid, central
 from knitlab.model.contact_layers import ContactLayers, contact_layers
 from knitlab.model.electrodes import Capacitor, Electrodes, StitchCounts, place_electrodes
-from knitlab.model.fabric import Fabric
-from knitlab.model.fold_friction import NO_FRICTION, Friction
-from knitlab.model.inertia import Inertia, inertia
-from knitlab.model.layout import FabricLayout, fabric_layout
 from knitlab.model.network import MeshShape, Network, Spans, mesh_shape
 from knitlab.model.pattern import CELLS_PER_PERIOD, Grading, PatchGrid, SingleFold, graded_pattern
-from knitlab.model.settings import ModelOptions, PlainKnit, Sheet
+from knitlab.model.settings import NO_FRICTION, Friction, ModelOptions, PlainKnit, Sheet
 from knitlab.model.stitches import Stitches
-from knitlab.model.stripe import SpringKinds, Stripe, StripePair
+from knitlab.model.stripe import SpringKinds, Stripe
 from knitlab.solvers.dynamics.settings import Dynamics
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.loads import WARP, load_of
 from knitlab.solvers.loads.load import Load
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # these import JAX
+    from knitlab.model.fabric import Fabric
+    from knitlab.model.inertia import Inertia
+    from knitlab.model.layout import FabricLayout
+    from knitlab.model.stripe_numbers import StripePair
     from knitlab.solvers.equilibrium.contact_barrier import Barrier
 
 Label = int | float | str
@@ -196,8 +196,10 @@ class Case:
         return *weft, *warp
 
     @property
-    def stripe_pair(self) -> StripePair:
+    def stripe_pair(self) -> "StripePair":
         """The numbers of its stripes: of each knit one, or several along an axis."""
+        from knitlab.model.stripe_numbers import StripePair
+
         return StripePair.of(*self._stripes)
 
     def with_stripes(
@@ -289,8 +291,10 @@ class Case:
         return tuple(stripe.spring_kind for stripe in self.stripes)
 
     @property
-    def layout(self) -> FabricLayout:
+    def layout(self) -> "FabricLayout":
         """Its fabric but for the numbers of its stripes."""
+        from knitlab.model.layout import fabric_layout
+
         sheet = self.sheet_of_network
         if self.options.contact != "none":
             # The gap between the walls that is left to the middle surface.
@@ -319,13 +323,15 @@ class Case:
 
         return Barrier(self.mesh_shape, self.contact_layers)
 
-    def assemble(self) -> tuple[Network, Fabric]:
+    def assemble(self) -> "tuple[Network, Fabric]":
         """Its network, and its fabric: the numbers on that."""
         layout = self.layout
         return layout.net, layout.fabric(self.stripe_pair)
 
-    def inertia(self) -> Inertia:
+    def inertia(self) -> "Inertia":
         """Its mass and drag; a TypeError if nothing of it moves in time."""
+        from knitlab.model.inertia import inertia
+
         density, ratio = self.motion.surface_density, self.motion.damping_ratio
         sample = None if self.grading is None else self.sample
         return inertia(*self._stripes, self.options, density, ratio, sample)

@@ -8,12 +8,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from knitlab.model.fold_friction import Friction
-from knitlab.model.settings import Boundary, ModelOptions
+from knitlab.model.settings import Boundary, Friction, ModelOptions
 from knitlab.solvers.dynamics.settings import Dynamics, contact_conflicts
-from knitlab.solvers.equilibrium.drag import drag_conflicts
 from knitlab.solvers.equilibrium.friction import friction_conflicts
-from knitlab.solvers.equilibrium.settings import Solver
+from knitlab.solvers.equilibrium.settings import Solver, drag_conflicts
 from knitlab.solvers.loads.load import Load
 
 

@@ -4,20 +4,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from knitlab.solvers.equilibrium.state import Outcome, TensileTest
-
 if TYPE_CHECKING:
     from knitlab.solvers.case import Case
     from knitlab.solvers.combination import Combination
+    from knitlab.solvers.equilibrium.state import TensileTest
 
 Progress = Callable[[str, float], None]
 """Function of a case's identifier and of the number of its finished states, with a fraction."""
 CONTACT_FACTOR = 4.0  # how much longer a fabric with contact takes
 REASONS = {
-    Outcome.iteration_limit: "the limit of steps was reached",
-    Outcome.stalled: "no smaller step helped",
-    Outcome.time_limit: "it was still moving at the end of its time; raise longest_time",
-    Outcome.diverged: "it became unstable; lower step_safety",
+    "iteration_limit": "the limit of steps was reached",
+    "stalled": "no smaller step helped",
+    "time_limit": "it was still moving at the end of its time; raise longest_time",
+    "diverged": "it became unstable; lower step_safety",
 }
 
 
@@ -38,7 +37,7 @@ class Method(ABC):
     """Memory of a batch for each of its unknowns, to 30 %."""
 
     @abstractmethod
-    def stretch(self, cases: "Sequence[Case]", progress: Progress) -> list[TensileTest]:
+    def stretch(self, cases: "Sequence[Case]", progress: Progress) -> "list[TensileTest]":
         """Tests of the cases at their applied strains, relaxation included."""
 
     @abstractmethod
@@ -49,7 +48,7 @@ class Method(ABC):
         """Sentences on settings that the method ignores."""
         return iter(())
 
-    def failure(self, case: "Case", test: TensileTest) -> str:
+    def failure(self, case: "Case", test: "TensileTest") -> str:
         """Why a test did not reach its last strain; empty if it did."""
         last = test.states[-1]
         if last.converged:
@@ -59,5 +58,5 @@ class Method(ABC):
             where = f"before cycle {case.cycle}"
         return (
             f"no {self.state} {where}: {last.residual:.1e} N left after"
-            f" {last.iterations} {self.steps} ({REASONS[last.outcome]})"
+            f" {last.iterations} {self.steps} ({REASONS[last.outcome.name]})"
         )

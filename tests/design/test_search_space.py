@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from knitlab.design.request import checked_request
 from knitlab.design.search_space import search_space
-from knitlab.observables.sensitivity import STRIPE_PARAMETERS
+from knitlab.observables.case_variables import STRIPE_PARAMETERS
 from tests.refusals import refused
 
 VARY = {

@@ -95,7 +95,7 @@ def test_lost_or_damaged_files_are_recreated(results, change):
 def test_results_of_other_settings_or_code_are_not_reused(results, monkeypatch):
     assert finished_plan("periodic", SETTINGS[:2], results) is None
     assert finished_plan("sensor", SETTINGS, results) is None
-    monkeypatch.setattr("knitlab.runs.status.package_digest", lambda: "other code")
+    monkeypatch.setattr("knitlab.runs.recorded_plan.package_digest", lambda: "other code")
     assert finished_plan("periodic", SETTINGS, results) is None
 
 

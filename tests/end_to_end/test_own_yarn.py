@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import knitlab as kl
 from knitlab.cli import main
 from knitlab.model.pure_stripe import PureStripe, tension_across, tension_along
-from knitlab.model.spring_law import SpringCurve
+from knitlab.model.spring_curve import SpringCurve
 
 WIDTH, LENGTH = 90.0, 120.0  # of every swatch [mm]
 NOISE, OFFSET, PRELOAD = 0.002, 0.25, 0.3  # over the largest force; [N]; [N]

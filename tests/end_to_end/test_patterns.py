@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 import knitlab as kl
 from knitlab.cubes.case_file import read_case
 from knitlab.runs.plan import make_plan
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run import run_plan
+from knitlab.runs.run_options import RunOptions
 from knitlab.solvers.case import case_of
 
 SLOW_TO_COMPILE = settings(

@@ -11,7 +11,7 @@ from knitlab.lab.along_ridges import springs_along
 from knitlab.lab.calibration import FITTED
 from knitlab.lab.tension_record import TensionRecord
 from knitlab.model.pure_stripe import PureStripe, tension_across, tension_along
-from knitlab.model.spring_law import SpringCurve
+from knitlab.model.spring_curve import SpringCurve
 from knitlab.model.stripe import Stripe
 from tests.fabrics import DISTINCT_STRIPES, compiled_tension_across, stripe
 from tests.refusals import refused

@@ -15,7 +15,7 @@ from knitlab.lab.curves import (
     with_factors,
 )
 from knitlab.lab.fit import FITTED, fit_stripes
-from knitlab.observables.sensitivity import STRIPE_PARAMETERS
+from knitlab.observables.case_variables import STRIPE_PARAMETERS
 from knitlab.observables.status import Status
 from knitlab.runs.plan import make_plan
 from knitlab.solvers.equilibrium.tensile_test import stretch

@@ -15,7 +15,7 @@ from knitlab.cli import main
 from knitlab.lab.fit_statistics import compare
 from knitlab.lab.tension_record import read_tension_record
 from knitlab.model.pure_stripe import PureStripe, tension_across
-from knitlab.model.spring_law import SpringCurve
+from knitlab.model.spring_curve import SpringCurve
 from knitlab.runs.material import add_stripe
 from tests.fabrics import stripe
 

@@ -12,8 +12,9 @@ from knitlab.model.fabric import Configuration, flat_sheet
 from knitlab.model.layout import fabric_layout
 from knitlab.model.pattern import BadPattern, Grading, SingleFold, graded_pattern
 from knitlab.model.settings import ModelOptions, PlainKnit
-from knitlab.model.spring_law import SpringCurve
-from knitlab.model.stripe import StripePair, cell_length
+from knitlab.model.spring_curve import SpringCurve
+from knitlab.model.stripe import cell_length
+from knitlab.model.stripe_numbers import StripePair
 from tests.fabrics import FINE, PERIODIC, SHEET, assemble_fabric, checkerboard, relaxed, stripe
 
 PLAIN = PlainKnit(

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.model.energy import SPRING_ENTRIES, spring_energy, spring_stiffness
-from knitlab.model.spring_law import LINEAR, SpringCurve, SpringLaw
+from knitlab.model.spring_curve import SpringCurve
+from knitlab.model.spring_law import LINEAR, SpringLaw
 from knitlab.model.zigzag import stripe_law
 from tests.fabrics import PERIODIC, SHEET, assemble_fabric, checkerboard, stripe
 

@@ -9,7 +9,8 @@ from knitlab.observables.capacitance.boundary_elements import VACUUM_PERMITTIVIT
 from knitlab.observables.capacitance.sensor import CapacitorStatus
 from knitlab.observables.schema import VARIABLES
 from knitlab.runs.plan import make_plan
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run import run_plan
+from knitlab.runs.run_options import RunOptions
 from knitlab.solvers.case import case_of
 
 SMALL = ("strain_max=0.2", "strain_step=0.05", "knit=rib")

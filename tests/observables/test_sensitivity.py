@@ -10,7 +10,8 @@ from knitlab.model.fabric import Configuration
 from knitlab.observables.schema import VARIABLES
 from knitlab.observables.status import Status
 from knitlab.runs.plan import make_plan
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run import run_plan
+from knitlab.runs.run_options import RunOptions
 from knitlab.solvers.case import case_of
 from knitlab.solvers.equilibrium.adjoint import LinearResponse, NoDerivative
 from tests.runs import fake_simulator

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from knitlab.observables.spread import branches, extremes
 from knitlab.runs.plan import make_plan
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run import run_plan
+from knitlab.runs.run_options import RunOptions
 from knitlab.solvers.perturbed_copies import perturbed_copy
 
 

@@ -16,14 +16,14 @@ import xarray as xr
 from knitlab.cubes.case_file import is_undamaged, write_case_file
 from knitlab.io.job_limits import threads
 from knitlab.io.provenance import MODEL
-from knitlab.observables.measurement import variables_of
+from knitlab.observables.case_variables import STRIPE_PARAMETERS, variables_of
 from knitlab.observables.schema import described
-from knitlab.observables.sensitivity import STRIPE_PARAMETERS
 from knitlab.observables.status import Status
 from knitlab.observables.wavelength import POINTS
 from knitlab.runs.plan import make_plan
-from knitlab.runs.results_folder import planned_designs, read_plan
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.recorded_plan import planned_designs, read_plan
+from knitlab.runs.run import run_plan
+from knitlab.runs.run_options import RunOptions
 from knitlab.runs.status import folder_status
 from tests.file_events import kill_fork
 

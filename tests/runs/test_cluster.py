@@ -18,7 +18,8 @@ import pytest
 import xarray as xr
 
 from knitlab.cubes.case_file import is_undamaged
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run import run_plan
+from knitlab.runs.run_options import RunOptions
 from tests.runs import fake_simulator
 
 HERE = Path(__file__).resolve().parents[2]
@@ -44,7 +45,8 @@ main([sys.argv[1], "--nthreads", "1", "--no-nanny", "--no-dashboard"])
 RUN = """
 import sys
 from pathlib import Path
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run_options import RunOptions
+from knitlab.runs.run import run_plan
 from tests.runs import fake_simulator
 options = RunOptions(scheduler=sys.argv[1], simulate=fake_simulator.simulate)
 run = run_plan(fake_simulator.plan_of(), Path(sys.argv[2]), options)

@@ -14,7 +14,8 @@ from knitlab.io.shipped import shipped
 from knitlab.observables.status import Status
 from knitlab.runs import results_folder
 from knitlab.runs.plan import make_plan
-from knitlab.runs.results_folder import CaseState, changed_inputs, read_plan
+from knitlab.runs.recorded_plan import changed_inputs, read_plan
+from knitlab.runs.results_folder import CaseState
 from knitlab.runs.status import folder_status
 from knitlab.solvers.case import case_of
 from tests.runs import fake_simulator

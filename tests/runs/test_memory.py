@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from knitlab.io.errors import InputError
 from knitlab.runs.batches import workers_that_fit
 from knitlab.runs.plan import make_plan
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run import run_plan
+from knitlab.runs.run_options import RunOptions
 from tests.runs.fake_simulator import simulate
 
 BATCH = make_plan("periodic", ("n_stripe=4",)).batches[0]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from knitlab.runs.plan import make_plan
-from knitlab.runs.results_folder import PLAN, read_plan
+from knitlab.runs.recorded_plan import PLAN, read_plan
 
 SETTINGS = {"n_stripe": 4, "n_subunit": [16], "boundary": "clamped"}
 

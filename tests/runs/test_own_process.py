@@ -21,7 +21,8 @@ def state():
     names = {name: globals().get(name) for name in ("__file__", "__spec__")}
     return dict(os.environ) | levels | names
 
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run_options import RunOptions
+from knitlab.runs.run import run_plan
 from tests.runs.fake_simulator import plan_of, simulate
 
 before = state()

@@ -9,7 +9,8 @@ from knitlab.cubes.case_file import case_path, write_case_file
 from knitlab.io.errors import InputError
 from knitlab.runs.plan import make_plan
 from knitlab.runs.reproduce import comparison, find_case, reproduce
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run import run_plan
+from knitlab.runs.run_options import RunOptions
 
 SMALL = ("n_stripe=4", "n_subunit=8,16", "strain_max=0.06", "robustness=0")
 

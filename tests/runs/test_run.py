@@ -14,7 +14,8 @@ from knitlab.io.errors import InputError
 from knitlab.observables.schema import COORDINATES, VARIABLES
 from knitlab.observables.status import Status
 from knitlab.runs.plan import make_plan
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run import run_plan
+from knitlab.runs.run_options import RunOptions
 
 SMALL = ("strain_max=0.1", "strain_step=0.05", "n_subunit=8,12,16")
 

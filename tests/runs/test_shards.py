@@ -15,8 +15,9 @@ from knitlab.io.lock import locked, running_shards
 from knitlab.observables.status import Status
 from knitlab.runs.batches import Shard
 from knitlab.runs.plan import make_plan
-from knitlab.runs.results_folder import PLAN, read_plan
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.recorded_plan import PLAN, read_plan
+from knitlab.runs.run import run_plan
+from knitlab.runs.run_options import RunOptions
 from tests.runs import fake_simulator
 from tests.runs.fake_simulator import counts, same
 
@@ -151,7 +152,8 @@ def test_a_shard_that_starts_leaves_unfinished_files_of_others(tmp_path, plan):
 PROGRAM = """
 import sys
 from pathlib import Path
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run_options import RunOptions
+from knitlab.runs.run import run_plan
 from knitlab.runs.batches import Shard
 from tests.runs import fake_simulator
 options = RunOptions(simulate=fake_simulator.simulate, shard=Shard.of(sys.argv[2]))

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from knitlab.io.errors import InputError
-from knitlab.model.spring_law import SpringCurve
+from knitlab.model.spring_curve import SpringCurve
 from knitlab.model.stripe import SPRING_LAWS
 from knitlab.runs.plan import make_plan
 from knitlab.solvers.case import case_of

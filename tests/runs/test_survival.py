@@ -24,7 +24,8 @@ from knitlab.io.lock import locked
 from knitlab.observables.status import Status
 from knitlab.runs import results_folder
 from knitlab.runs.plan import make_plan
-from knitlab.runs.results_folder import CaseState, read_plan
+from knitlab.runs.recorded_plan import read_plan
+from knitlab.runs.results_folder import CaseState
 from tests.runs import fake_simulator
 from tests.runs.fake_simulator import ran, same
 
@@ -374,7 +375,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 from knitlab.io.errors import CannotWrite
-from knitlab.runs.run import RunOptions, run_plan
+from knitlab.runs.run_options import RunOptions
+from knitlab.runs.run import run_plan
 from tests.runs import fake_simulator
 
 results = Path(sys.argv[1])

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from knitlab.runs.plan import make_plan
 from knitlab.runs.progress import ProgressBar
 from knitlab.solvers.equilibrium import method
-from knitlab.solvers.equilibrium.method import RELAXATION_STEPS, Equilibrium, Reporter
+from knitlab.solvers.equilibrium.method import RELAXATION_STEPS, Equilibrium
+from knitlab.solvers.equilibrium.tests_of_cases import Reporter
 
 CASES = make_plan("periodic", ("n_stripe=4", "n_subunit=16,32", "robustness=2")).cases
 

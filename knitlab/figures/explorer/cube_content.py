@@ -22,7 +22,8 @@ from knitlab.io.errors import InputError
 from knitlab.io.image_file import read_image
 from knitlab.observables.schema import FLAGS, INTEGERS, STRAIN
 from knitlab.observables.status import Status
-from knitlab.runs.results_folder import earlier_failures, read_plan
+from knitlab.runs.recorded_plan import read_plan
+from knitlab.runs.results_folder import earlier_failures
 
 EXPANDED = "stripe_parameter"  # a variable along it becomes one for each label
 DIGITS = 6  # significant digits of the numbers on the page

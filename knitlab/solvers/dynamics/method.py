@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from knitlab.model.fabric import Configuration
-from knitlab.solvers.equilibrium.state import TensileTest
 from knitlab.solvers.method import CONTACT_FACTOR, Method, Progress
 
 if TYPE_CHECKING:
+    from knitlab.model.fabric import Configuration
     from knitlab.solvers.case import Case
     from knitlab.solvers.combination import Combination
     from knitlab.solvers.dynamics.damped_test import MovingFabrics, Relaxed
+    from knitlab.solvers.equilibrium.state import TensileTest
 
 TIME_TO_REST = 60.0  # usual duration of a motion until a fabric is at rest [ms]
 STIFFNESS_OF_NODE = 4.7  # largest eigenvalue of the stiffness of a sheet, over the largest k_s
@@ -29,7 +29,7 @@ class DampedDynamics(Method):
     seconds_of_work: ClassVar[float] = 1.2e-7
     bytes_of_unknown: ClassVar[float] = 1.2e3
 
-    def stretch(self, cases: "Sequence[Case]", progress: Progress) -> list[TensileTest]:
+    def stretch(self, cases: "Sequence[Case]", progress: Progress) -> "list[TensileTest]":
         """Tests of the cases, all moved together."""
         from knitlab.solvers.dynamics.damped_test import stretch_by_dynamics
 
@@ -72,7 +72,7 @@ def moving_fabrics(cases: "Sequence[Case]") -> "MovingFabrics":
 
 
 def moved_sheets(
-    cases: "Sequence[Case]", progress: Progress, sheets: Sequence[Configuration | None]
+    cases: "Sequence[Case]", progress: Progress, sheets: "Sequence[Configuration | None]"
 ) -> "list[Relaxed]":
     """Sheets of cases, relaxed in time."""
     from knitlab.solvers.dynamics.damped_test import relax_by_dynamics

@@ -26,7 +26,7 @@ from knitlab.model.energy import COMPLETE, energy
 from knitlab.model.fabric import Configuration, Fabric, flat_sheet
 from knitlab.model.layout import FabricLayout
 from knitlab.model.network import MeshShape, network
-from knitlab.model.stripe import StripePair
+from knitlab.model.stripe_numbers import StripePair
 from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium.alignment import rigidly_aligned
 from knitlab.solvers.equilibrium.stiffness import free_stiffness

@@ -1,17 +1,13 @@
 """Drag during one strain step: the paper's damping without inertia, c u̇ + ∇V = 0."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Int
 
 from knitlab.model.energy import Evaluation
 from knitlab.model.fabric import Unknowns
-
-if TYPE_CHECKING:
-    from knitlab.solvers.combination import Combination
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +29,3 @@ class Drag:
         gradient[self.free] += self.stiffness * moved
         potential = 0.5 * self.stiffness * float(moved @ moved)
         return Evaluation(replace(evaluation.energy, drag=potential), gradient)
-
-
-def drag_conflicts(combination: "Combination") -> Iterator[str]:
-    """What drag between equilibria cannot be combined with."""
-    if combination.method == "dynamics" or not combination.solver.drag:
-        return
-    if "periodic" in combination.boundaries:
-        yield (
-            "needs a sample between clamps, because periodic fabric has no fixed point; take"
-            " boundary = clamped, or drag = 0"
-        )
-    if combination.sensitivities:
-        yield "has no sensitivities; leave them out, or take drag = 0"

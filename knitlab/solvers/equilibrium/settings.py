@@ -1,12 +1,16 @@
 """Settings of the search for equilibria."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt
 
 from knitlab.model.checked import Checked
 from knitlab.model.settings import Fraction, Unit
+
+if TYPE_CHECKING:
+    from knitlab.solvers.combination import Combination
 
 Start = Literal["dynamics", "flat", "periodic"]
 
@@ -54,3 +58,16 @@ class Solver(Checked):
     smallest_step: Fraction = 1 / 8
     branch_limit: PositiveFloat = 0.05
     drag: Annotated[NonNegativeFloat, Unit("N/mm")] = 0.0
+
+
+def drag_conflicts(combination: "Combination") -> Iterator[str]:
+    """What drag between equilibria cannot be combined with."""
+    if combination.method == "dynamics" or not combination.solver.drag:
+        return
+    if "periodic" in combination.boundaries:
+        yield (
+            "needs a sample between clamps, because periodic fabric has no fixed point; take"
+            " boundary = clamped, or drag = 0"
+        )
+    if combination.sensitivities:
+        yield "has no sensitivities; leave them out, or take drag = 0"

@@ -8,8 +8,9 @@ from jaxtyping import Float
 
 from knitlab.model.energy import Point, Stage, folds_from_rest
 from knitlab.model.fabric import Configuration, Fabric
-from knitlab.model.fold_friction import Friction
+from knitlab.model.fold_friction import FoldFriction
 from knitlab.model.network import network
+from knitlab.model.settings import Friction
 from knitlab.solvers.equilibrium.drag import Drag
 from knitlab.solvers.equilibrium.equilibrium import find_equilibrium
 from knitlab.solvers.equilibrium.search import SearchRules
@@ -92,7 +93,7 @@ class StrainPath:
         """Let friction act from the last state on."""
         angle = self._angle(self.last[-1][1])
         fabric = self.system.fabric
-        begun = friction.begun(fabric.fold_stiffness, angle)
+        begun = FoldFriction.begun(friction, fabric.fold_stiffness, angle)
         if begun is not None:
             self.system = self.system.with_fabric(replace(fabric, friction=begun))
             self.many = False

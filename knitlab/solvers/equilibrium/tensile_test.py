@@ -8,8 +8,8 @@ import numpy as np
 
 from knitlab.model.energy import COMPLETE, Point, Stage
 from knitlab.model.fabric import Configuration, Fabric, flat_sheet
-from knitlab.model.fold_friction import NO_FRICTION, Friction
 from knitlab.model.network import UPRIGHT, Network, network
+from knitlab.model.settings import NO_FRICTION, Friction
 from knitlab.solvers.equilibrium.alignment import between_walls, rigidly_aligned
 from knitlab.solvers.equilibrium.equilibrium import find_equilibrium
 from knitlab.solvers.equilibrium.search import SearchRules

@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from knitlab.model.cell_grid import CellGrid
-from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
 from knitlab.solvers.loads.load import (
     MAX_STRAIN,
@@ -22,6 +21,7 @@ from knitlab.solvers.loads.load import (
 )
 
 if TYPE_CHECKING:
+    from knitlab.model.fabric import Configuration
     from knitlab.solvers.combination import Combination
     from knitlab.solvers.loads.loading import Loading
 
@@ -59,7 +59,7 @@ class Biaxial(Load):
         """Never: edges slide."""
         return False
 
-    def drive(self, shape: MeshShape, relaxed: Configuration) -> Drive:
+    def drive(self, shape: MeshShape, relaxed: "Configuration") -> Drive:
         """The pull along the warp, and ``ratio`` times that along the weft [mm]."""
         drive, length = super().drive(shape, relaxed)
         across, wider, _ = stretch_along(shape, relaxed, X)

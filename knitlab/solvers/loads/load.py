@@ -2,23 +2,23 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from knitlab.model.array_library import array_library
 from knitlab.model.cell_grid import CellGrid
-from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
 
 if TYPE_CHECKING:
+    from knitlab.model.fabric import Configuration
     from knitlab.solvers.combination import Combination
     from knitlab.solvers.loads.loading import Loading
 
 X, Y = 0, 1
 MAX_STRAIN = 10.0  # of a test; pure stripes unfold to about 2
-Drive = tuple[Float[Array | np.ndarray, " unknown"], Float[Array | np.ndarray, ""]]
+Drive = tuple[Any, Any]  # arrays
 """Displacement of the unknowns per unit of strain, and the length that the strain refers to."""
 
 
@@ -85,12 +85,12 @@ class Load:
         return cells.count[1 - self.axis] == 1
 
     def in_its_axes(
-        self, shape: MeshShape, relaxed: Configuration
-    ) -> tuple[MeshShape, Configuration]:
+        self, shape: MeshShape, relaxed: "Configuration"
+    ) -> "tuple[MeshShape, Configuration]":
         """A relaxed fabric in the axes in which the load describes it: by default its own."""
         return shape, relaxed
 
-    def drive(self, shape: MeshShape, relaxed: Configuration) -> Drive:
+    def drive(self, shape: MeshShape, relaxed: "Configuration") -> Drive:
         """What moves per unit of strain, and over which length; differentiable by the shape [mm].
 
         The moved clamp, or the length of periodic fabric, is displaced along the axis by the
@@ -109,9 +109,7 @@ class Load:
             yield "has no sensitivities; leave them out, or take load = warp"
 
 
-def stretch_along(
-    shape: MeshShape, relaxed: Configuration, axis: int
-) -> tuple[Array | np.ndarray, Array | np.ndarray | float, Array | np.ndarray]:
+def stretch_along(shape: MeshShape, relaxed: "Configuration", axis: int) -> tuple[Any, Any, Any]:
     """Displacements of an affine stretch along an axis by 1, of nodes, length and whole length."""
     xp, lines = array_library(relaxed), relaxed.positions[..., axis]
     if shape.periodic:
@@ -132,10 +130,10 @@ def stretch_along(
     return (moved if axis == Y else moved.T), 0.0, length
 
 
-def in_direction(
-    component: int, moved: Array | np.ndarray, grown: Array | np.ndarray
-) -> Configuration:
+def in_direction(component: int, moved: Any, grown: Any) -> "Configuration":
     """A displacement of all nodes along one coordinate, and of the lengths."""
+    from knitlab.model.fabric import Configuration  # imports JAX
+
     xp, still = array_library(moved), np.zeros(moved.shape)
     columns = [moved if axis == component else still for axis in range(3)]
     return Configuration(xp.stack(columns, axis=-1), grown)

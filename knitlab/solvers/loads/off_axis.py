@@ -4,12 +4,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
 from knitlab.solvers.loads.load import Drive, LoadSetting, Y
 from knitlab.solvers.loads.sheared_lattice import ShearedLattice
 
 if TYPE_CHECKING:
+    from knitlab.model.fabric import Configuration
     from knitlab.solvers.combination import Combination
 
 
@@ -27,7 +27,7 @@ class OffAxis(ShearedLattice):
         """Angle from the courses to the direction that is pulled [degree]."""
         return self.angle
 
-    def drive(self, shape: MeshShape, relaxed: Configuration) -> Drive:
+    def drive(self, shape: MeshShape, relaxed: "Configuration") -> Drive:
         """The stretch of the lattice along the pull [mm]."""
         return self.drive_of_lattice(shape, relaxed, component=Y, number=1)
 

@@ -1,14 +1,16 @@
 """Simple shear: courses move along themselves."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
 from knitlab.solvers.loads.load import Drive, X, Y, in_direction, stretch_along
 from knitlab.solvers.loads.sheared_lattice import ShearedLattice
+
+if TYPE_CHECKING:
+    from knitlab.model.fabric import Configuration
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,7 @@ class Shear(ShearedLattice):
     prescribed: ClassVar[tuple[int, ...]] = (2,)
     has_poisson_ratio: ClassVar[bool] = False
 
-    def drive(self, shape: MeshShape, relaxed: Configuration) -> Drive:
+    def drive(self, shape: MeshShape, relaxed: "Configuration") -> Drive:
         """Displacements along x, by the distance from the bottom row [mm]."""
         if shape.frame is not None:
             return self.drive_of_lattice(shape, relaxed, component=X, number=2)

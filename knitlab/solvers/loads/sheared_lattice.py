@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from knitlab.model.fabric import Configuration
 from knitlab.model.network import MeshShape
 from knitlab.solvers.loads.load import Drive, Load, Y, in_direction
 
 if TYPE_CHECKING:
+    from knitlab.model.fabric import Configuration
     from knitlab.solvers.combination import Combination
 
 
@@ -26,12 +26,14 @@ class ShearedLattice(Load):
     shears: ClassVar[bool] = True
 
     def in_its_axes(
-        self, shape: MeshShape, relaxed: Configuration
-    ) -> tuple[MeshShape, Configuration]:
+        self, shape: MeshShape, relaxed: "Configuration"
+    ) -> "tuple[MeshShape, Configuration]":
         """Relaxed periodic fabric in axes of which y is the pulled direction, or x the sheared."""
         if not shape.periodic:
             return shape, relaxed
         angle = np.deg2rad(self.angle_of_pull)
+        from knitlab.model.fabric import Configuration
+
         turn = np.array([[np.sin(angle), -np.cos(angle)], [np.cos(angle), np.sin(angle)]])
         turn = turn.round(15)
         x, y, *shear = np.asarray(relaxed.lengths).tolist()
@@ -43,7 +45,7 @@ class ShearedLattice(Load):
         return replace(shape, frame=((a, b), (c, d))), Configuration(turned, lengths)
 
     def drive_of_lattice(
-        self, shape: MeshShape, relaxed: Configuration, component: int, number: int
+        self, shape: MeshShape, relaxed: "Configuration", component: int, number: int
     ) -> Drive:
         """Displacements along a component, by the place along the pull, and of one length [mm]."""
         assert shape.frame is not None

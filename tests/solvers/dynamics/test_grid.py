@@ -14,8 +14,8 @@ from knitlab.model.fabric import flat_sheet
 from knitlab.model.layout import fabric_layout
 from knitlab.model.pattern import Grading, SingleFold, graded_pattern
 from knitlab.model.settings import ModelOptions, PlainKnit
-from knitlab.model.spring_law import SpringCurve
-from knitlab.model.stripe import StripePair
+from knitlab.model.spring_curve import SpringCurve
+from knitlab.model.stripe_numbers import StripePair
 from knitlab.solvers.dynamics.damped_test import on_grid
 from knitlab.solvers.dynamics.grid import GridFabric
 from knitlab.solvers.dynamics.vectors import kept

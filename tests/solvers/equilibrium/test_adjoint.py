@@ -18,8 +18,9 @@ from knitlab.model.layout import FabricLayout, fabric_layout
 from knitlab.model.network import MeshShape
 from knitlab.model.pattern import Grading, SingleFold, graded_pattern
 from knitlab.model.settings import ModelOptions, PlainKnit, Sheet
-from knitlab.model.stripe import StripePair
-from knitlab.observables.sensitivity import STRIPE_PARAMETERS, logarithmic, measured_by
+from knitlab.model.stripe_numbers import StripePair
+from knitlab.observables.case_variables import STRIPE_PARAMETERS
+from knitlab.observables.sensitivity import logarithmic, measured_by
 from knitlab.solvers.equilibrium.adjoint import Adjoint, NoDerivative, rigid_motions
 from knitlab.solvers.equilibrium.alignment import aligning_rotation, rigidly_aligned
 from knitlab.solvers.equilibrium.contact_barrier import Barrier

@@ -10,8 +10,8 @@ import pytest
 from knitlab.model.contact_layers import contact_layers
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Configuration
-from knitlab.model.fold_friction import Friction
 from knitlab.model.network import network
+from knitlab.model.settings import Friction
 from knitlab.solvers.equilibrium.adjoint import LinearResponse
 from knitlab.solvers.equilibrium.contact_barrier import Barrier
 from knitlab.solvers.equilibrium.tensile_test import stretch

@@ -11,7 +11,8 @@ from scipy.optimize import root
 
 from knitlab.model.energy import Point, energy, fold_angles
 from knitlab.model.fabric import Configuration, flat_sheet
-from knitlab.model.fold_friction import Friction
+from knitlab.model.fold_friction import FoldFriction
+from knitlab.model.settings import Friction
 from knitlab.solvers.branches.equations import symmetric_stiffness
 from knitlab.solvers.element_chunks import ChunkedFabric
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
@@ -156,7 +157,7 @@ friction_numbers = st.floats(0.01, 0.5)
 )
 def test_elements_follow_the_scalar_mapping_and_lose_energy_only(moment, slide, hardening, angles):
     friction = Friction(moment, slide, hardening)
-    element, hinge = friction.begun(np.ones(1), np.zeros(1)), Hinge(friction, 1.0)
+    element, hinge = FoldFriction.begun(friction, np.ones(1), np.zeros(1)), Hinge(friction, 1.0)
     for angle in angles:
         moments = element.moments(np.array([angle]))
         np.testing.assert_allclose(moments, hinge.trial(angle)[0], atol=1e-12)
@@ -174,7 +175,7 @@ def test_elements_follow_the_scalar_mapping_and_lose_energy_only(moment, slide, 
 def test_forces_and_stiffness_with_friction_are_derivatives_of_the_energy():
     net, fabric = checkered(4, 1, PERIODIC)
     slip = 0.3 * np.random.default_rng(3).normal(size=len(fabric.rest_fold))
-    fabric = replace(fabric, friction=HARDENING.begun(fabric.fold_stiffness, slip))
+    fabric = replace(fabric, friction=FoldFriction.begun(HARDENING, fabric.fold_stiffness, slip))
     unknowns = np.asarray(shaken(flat_sheet(net, fabric), 0.1).flattened())
 
     def total(unknowns):

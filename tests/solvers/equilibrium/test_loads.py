@@ -14,7 +14,7 @@ from knitlab.model.fabric import Configuration
 from knitlab.model.layout import fabric_layout
 from knitlab.model.network import network
 from knitlab.model.settings import PlainKnit
-from knitlab.model.stripe import StripePair
+from knitlab.model.stripe_numbers import StripePair
 from knitlab.observables.unit_cells import strains_in_direction
 from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.tensile_test import stretch

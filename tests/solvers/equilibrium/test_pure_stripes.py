@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import root
 
 from knitlab.model.pure_stripe import PureStripe, tension_across, tension_along
-from knitlab.model.spring_law import SpringCurve
+from knitlab.model.spring_curve import SpringCurve
 from knitlab.model.zigzag import zigzag
 from tests.fabrics import (
     CLAMPED,

@@ -13,8 +13,8 @@ from knitlab.model.energy import COMPLETE, energy
 from knitlab.model.fabric import Configuration, flat_sheet
 from knitlab.model.layout import fabric_layout
 from knitlab.model.settings import ModelOptions, Sheet
-from knitlab.model.spring_law import SpringCurve
-from knitlab.model.stripe import StripePair
+from knitlab.model.spring_curve import SpringCurve
+from knitlab.model.stripe_numbers import StripePair
 from knitlab.model.zigzag import tension, zigzag
 from knitlab.solvers.dynamics.damped_test import relax_by_dynamics
 from knitlab.solvers.dynamics.settings import Dynamics
