@@ -41,6 +41,7 @@ from .cubes.cube_file import open_cube as open_cube
 from .export.pieces.outline import Outline as Outline
 from .io.errors import BadInput as BadInput
 from .io.errors import InputError as InputError
+from .io.progress import show_progress as show_progress
 from .lab.experiment import import_records as import_records
 from .lab.swatch import simulated_swatches as simulated_swatches
 from .lab.tension_record import read_cycles as read_cycles

@@ -36,7 +36,7 @@ def design(
     results: str | Path = RESULTS,
     name: str = "design",
     figures: bool = False,
-    progress: bool = False,
+    progress: bool = True,
     **settings: Any,
 ) -> Designed:
     """Find the stripes and sizes that come closest to targets, by simulation.
@@ -65,7 +65,7 @@ def design(
         results: folder that holds a folder of results for each request.
         name: name of that folder; with ``file`` it is that of the file.
         figures: whether to draw the targets and the results into ``figures/`` of that folder.
-        progress: whether to draw a progress bar with the best distance so far.
+        progress: whether to show progress, with the best distance so far.
         settings: settings of the workflow to replace, as for :func:`knitlab.run`.
 
     Returns:

@@ -21,6 +21,7 @@ from knitlab.cubes.trust import marks_of_rows
 from knitlab.figures.figure_files import maybe_draw
 from knitlab.figures.sensing import cross_talk_figure, matrix_figure, selectivity_figure
 from knitlab.io.errors import invalid
+from knitlab.io.progress import Progress
 from knitlab.model.computing import computing
 from knitlab.model.electrodes import Capacitor
 from knitlab.model.fabric import Configuration
@@ -87,7 +88,8 @@ def capacitance_matrix(
     case, capacitor, states, strains, relaxed = _states(cube, {**selections, **named})
     polarised = _polarised(cloth_permittivity, cloth_thickness, capacitor)
     used = electrode_set(case, capacitor, electrodes)
-    matrices = capacitance_matrices(used, states, capacitor, polarised)
+    with Progress("capacitances"):
+        matrices = capacitance_matrices(used, states, capacitor, polarised)
     names = list(used.names)
     scaled = matrices * _lengthened(used, relaxed, capacitor)
     coordinates = {STRAIN: strains, "electrode": names, "to": names}
@@ -164,7 +166,8 @@ def cross_talk(
     pairs = [(names.index(one), names.index(other)) for one, other in sensors]
     axis = DIRECTIONS.index(pull)
     try:
-        table = cross_talk_of(case, states[0], used, pairs, capacitor, axis, others, polarised)
+        with Progress("capacitances"):
+            table = cross_talk_of(case, states[0], used, pairs, capacitor, axis, others, polarised)
     except NoDerivative as message:
         hint = "take a design that relaxes to one shape"
         raise invalid(case.label, f"{message}; {hint}") from message
@@ -228,7 +231,8 @@ def selectivity(
         raise invalid("along", f"is {along!r}; give {' or '.join(DIRECTIONS)}")
     opened = as_cube(cube)
     compute = partial(case_selectivity, along=along)
-    found = for_each_design(compute, opened, selections, where)
+    with Progress("sensing"):
+        found = for_each_design(compute, opened, selections, where)
     found[STATUS] = found[STATUS].fillna("")
     if is_case(opened):
         found.attrs["design"] = recorded_case(opened).label

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
-from tqdm import tqdm
 
 from knitlab.cubes.case_file import configurations
 from knitlab.cubes.derived import with_derived
@@ -34,6 +33,7 @@ from knitlab.runs.cube import cloth_sizes, gauge_attributes, input_values
 from knitlab.runs.material import Material, known_parameters
 from knitlab.runs.parameters import Parameters
 from knitlab.runs.patterns import Pattern
+from knitlab.runs.progress import CaseProgress
 from knitlab.runs.simulate import simulated
 from knitlab.runs.workflow import DesignSection, ElectrodesSection, Protocol, Workflow
 from knitlab.solvers.case import Case
@@ -145,7 +145,7 @@ def simulate(
     capacitor: Capacitor | None = None,
     gauge: Gauge | None = None,
     material: Material | None = None,
-    progress: bool = False,
+    progress: bool = True,
 ) -> xr.Dataset:
     """Relax a fabric and pull it, in this process; along the warp, unless the protocol has a load.
 
@@ -168,7 +168,7 @@ def simulate(
         gauge: size of a stitch in cloth.
         material: stripes of another yarn and the lengths that go with them, in place of the
             paper's.
-        progress: whether to draw a progress bar.
+        progress: whether to show progress, after two seconds.
 
     Returns:
         Every variable of a cube along ``applied_strain``, each with its unit in
@@ -196,12 +196,8 @@ def simulate(
     given = protocol.applied_strain if applied_strain is None else applied_strain
     strains = np.asarray(given, dtype=float).tolist()
     case = case_of_design(design, strains, parameters, protocol, electrodes=capacitor is not None)
-    with tqdm(total=case.states, unit="state", disable=not progress) as bar:
-
-        def report(_: str, states: float) -> None:
-            bar.update(int(states) - bar.n)
-
-        results = simulated(case, report)
+    with CaseProgress({case.case_id: case}, progress) as shown:
+        results = simulated(case, shown.reached)
     values = {str(name): array.values for name, array in results.data_vars.items()}
     sizes = cloth_sizes(case, values, parameters.gauge)
     results = results.assign(input_values(case) | sizes)

@@ -13,6 +13,7 @@ from knitlab.api.sweeps import one_of
 from knitlab.figures.figure_files import maybe_draw
 from knitlab.figures.stability import branches_figure, shapes_figure
 from knitlab.io.errors import invalid, shown
+from knitlab.io.progress import Progress, part
 from knitlab.model.computing import computing
 from knitlab.runs.figure_names import check_figure_suffix
 from knitlab.runs.workflow_text import Overrides
@@ -75,7 +76,7 @@ def branches(
     """
     case = _single(workflow, one_of(overrides, settings), output)
     net, fabric = case.assemble()
-    with one_thread_of_blas():
+    with Progress("relaxing", total=None), one_thread_of_blas():
         system = System(net.shape, fabric)
         test = stretch(system, case.applied_strain[:1], case.equilibrium_solver, load=case.load)
         if test.loading is None:
@@ -86,7 +87,8 @@ def branches(
         crossings: deque[PathPoint] = deque()
 
         def follow_from(start: PathPoint) -> None:
-            followed.append(follow(equations, start, until))
+            with part(name=f"branch {len(followed) + 1}"):
+                followed.append(follow(equations, start, until))
             crossings.extend(point for point in followed[-1] if point.kind is Kind.branch)
 
         follow_from(equilibrium(equations, equations.start, 0.0))
@@ -194,12 +196,13 @@ def shapes(
         raise invalid("starts", f"is {shown(starts)}; give 1 to {MAX_STARTS:,}")
     case = _single(workflow, one_of(overrides, settings), output)
     net, fabric = case.assemble()
-    known, failed = relaxed_shapes(net, fabric, case.equilibrium_solver, starts)
+    with Progress("relaxing"):
+        known, failed = relaxed_shapes(net, fabric, case.equilibrium_solver, starts)
     if not known:
         raise invalid(case.label, "does not relax from any start; raise max_iterations")
     count = len(known)
     barrier = np.full((count, count), np.nan)
-    with one_thread_of_blas():
+    with Progress("energies between shapes"), one_thread_of_blas():
         few = known[:MAX_SHAPES]
         barrier[: len(few), : len(few)] = barriers(System(net.shape, fabric), few)
     states = [each.state.configuration for each in known]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from knitlab.io.errors import Mistake, invalid
+from knitlab.io.progress import Progress
 from knitlab.runs.workflow_file import Overrides
 
 if TYPE_CHECKING:  # slow to import
@@ -35,7 +36,7 @@ def run(
     refresh: bool = False,
     shard: tuple[int, int] | None = None,
     figures: bool = False,
-    progress: bool = False,
+    progress: bool = True,
     **settings: Any,
 ) -> "xr.Dataset":
     """Run a workflow: simulate the missing cases and build its cube.
@@ -54,7 +55,7 @@ def run(
         shard: the part of the plan to run, as ``(3, 40)``, beside processes that run the others
             in the same results folder, or each in its own for :func:`merge`.
         figures: whether to draw the workflow's figures into the results folder.
-        progress: whether to draw a progress bar.
+        progress: whether to show progress, after two seconds.
         settings: settings of the workflow to replace; a list makes a dimension of the cube:
             ``k_t_factor=[0.8, 1.0, 1.2]``.
 
@@ -157,7 +158,8 @@ def run_and_draw(
     if figures and own is None:
         from knitlab.figures.drawing import draw_figures  # imports matplotlib
 
-        drawn, mistakes = draw_figures(plan.figures, folder)
+        with Progress("figures", run_options.show_progress):
+            drawn, mistakes = draw_figures(plan.figures, folder)
     return RunResult(
         folder,
         lambda: done.cube,
@@ -252,7 +254,8 @@ def merge_folders(folders: Sequence[str | Path], results: str | Path, *, any_cod
     from knitlab.runs import merge
 
     paths = [Path(folder) for folder in folders]
-    return merge.merge_folders(paths, Path(results), any_code=any_code)
+    with Progress("merging", total=None):
+        return merge.merge_folders(paths, Path(results), any_code=any_code)
 
 
 def plan(

@@ -10,6 +10,7 @@ import xarray as xr
 from knitlab.cubes.case_file import LENGTH_FACTOR, length_unit, network_configurations
 from knitlab.cubes.chosen_case import has_shape
 from knitlab.cubes.selection import chosen_indices
+from knitlab.io.progress import each
 from knitlab.model.fabric import Configuration
 from knitlab.observables.schema import STRAIN
 from knitlab.solvers.plate_condensation import PlateStatus
@@ -31,7 +32,7 @@ def stored_states(
     every = range(case_file.sizes[STRAIN])
     chosen = chosen_indices({STRAIN: case_file[STRAIN].values}, selections)
     reached = has_shape(case_file)
-    for index in chosen.get(STRAIN, every if default is None else default):
+    for index in each(chosen.get(STRAIN, every if default is None else default), "state"):
         # Contact that pushes layers apart has a stiffness, which is not modelled.
         if "energy_contact" in case_file and case_file["energy_contact"].values[index] > 0:
             yield StoredState(index, PlateStatus.plies_touch, None)

@@ -20,6 +20,7 @@ from knitlab.cubes.selection import (
     selections_along,
 )
 from knitlab.io.errors import ErrorCollector, invalid, raise_if_any
+from knitlab.io.progress import each
 from knitlab.observables.schema import STRAIN
 from knitlab.observables.status import Status
 
@@ -95,7 +96,7 @@ def for_each_design(
     if not case_files:
         message = f"none of these {len(rows)} designs has a shape; run one into this folder"
         raise invalid(str(folder / "cases"), message)
-    for case_file, design in case_files:
+    for case_file, design in each(case_files, "design"):
         part = compute(case_file, strains)
         parts.append(part.expand_dims({dim: [label] for dim, label in design.items()}))
     found = xr.merge(parts, join="outer", compat="no_conflicts", combine_attrs="override")

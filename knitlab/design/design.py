@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
-from tqdm import tqdm
 
 from knitlab.cubes.cube_file import CUBE, open_cube, write_cube
 from knitlab.cubes.find import CROSSINGS, Found, find_designs
@@ -32,6 +31,7 @@ from knitlab.design.trial import ShapeFunctions
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid
 from knitlab.io.lock import locked
+from knitlab.io.progress import Progress
 from knitlab.runs.plan import make_plan
 from knitlab.runs.results_folder import label_text
 from knitlab.runs.run import run_plan
@@ -87,7 +87,7 @@ def run_design(
     workers: int = 0,
     budget: int = BUDGET,
     minutes: float | None = None,
-    show_progress: bool = False,
+    show_progress: bool = True,
 ) -> Designed:
     """Search for designs that meet the targets, and test them; see :func:`knitlab.design`."""
     began = time.time()
@@ -104,7 +104,7 @@ def run_design(
     if path.is_file() and path.read_bytes() != text:
         message = "holds the results of another request; choose another folder, or delete it"
         raise invalid(str(folder), message)
-    run = RunOptions(workers=workers)
+    run = RunOptions(workers=workers, show_progress=show_progress)
     # The run that tests the candidates locks the folder itself.
     with locked(folder / SEARCHES), interrupted_by_signals():
         starts = _starts(objective, space, folder / TRIALS, run, budget)
@@ -202,23 +202,19 @@ def _starts(
 def _searched(
     searches: Sequence[DesignSearch], folder: Path, workers: int, show_progress: bool
 ) -> list[SearchResult]:
-    best = np.inf
     timed = any(np.isfinite(search.deadline) for search in searches)
-    with tqdm(
-        total=None if timed else sum(search.budget for search in searches),
-        unit="simulation",
-        disable=not show_progress,
-        bar_format="{n_fmt}/{total_fmt} simulations |{bar}| {elapsed} elapsed, {desc}",
-    ) as bar:
+    total = None if timed else sum(search.budget for search in searches)
+    count, best, by = 0, np.inf, ""
+    with Progress("searching", show_progress, total) as progress:
 
-        def progress(design: DesignLabels, distance: float) -> None:
-            nonlocal best
+        def ended(design: DesignLabels, distance: float) -> None:
+            nonlocal count, best, by
+            count += 1
             if distance < best:
-                best = distance
-                bar.set_description_str(f"best distance {best:.3g} by {design}")
-            bar.update()
+                best, by = distance, f", best distance {distance:.3g} by {design}"
+            progress.reached(count, f"simulation {count}{by}")
 
-        return run_searches(searches, folder, workers, progress)
+        return run_searches(searches, folder, workers, ended)
 
 
 def summary(designed: Designed) -> Iterator[str]:

@@ -28,6 +28,7 @@ from knitlab.figures import figure_files
 from knitlab.figures.registry import FigureKind, figure_kind, figure_kinds
 from knitlab.figures.style import print_style
 from knitlab.io.errors import Mistake, invalid
+from knitlab.io.progress import each
 from knitlab.io.provenance import file_digest
 from knitlab.observables.motion_history import DYNAMICS
 from knitlab.observables.schema import STRAIN, VARIABLES
@@ -57,11 +58,11 @@ def draw_figures(names: Sequence[str], folder: Path) -> tuple[list[Path], list[M
     """Draw a workflow's figures into its folder; the files, and why some could not be drawn."""
     files, cube = list[Path](), cube_file.open_cube(folder)
     requested, mistakes = figure_files.requested_figures(names, cube, folder)
-    for each in requested:
-        with figure_files.reporting(each.output.stem, mistakes):
-            drawn = partial(draw, each.name, [cube], each.selections)
-            figure_files.draw_into(drawn, each.output, each.fingerprint)
-            files.append(each.output)
+    for figure in each(requested, "figure"):
+        with figure_files.reporting(figure.output.stem, mistakes):
+            drawn = partial(draw, figure.name, [cube], figure.selections)
+            figure_files.draw_into(drawn, figure.output, figure.fingerprint)
+            files.append(figure.output)
     return files, mistakes
 
 
@@ -80,7 +81,7 @@ def draw(
         raise invalid(name, f"shows one cube, not {len(cubes)}; give one")
     for option in options:
         if option not in kind.options:
-            able = [other for other, each in figure_kinds().items() if option in each.options]
+            able = [other for other, it in figure_kinds().items() if option in it.options]
             only = f", only of {', '.join(able)}" if able else ""
             raise invalid(option, f"is not an option of {name}{only}; leave it out")
     cubes = [with_doubts(with_derived(normalised(cube))) for cube in cubes]

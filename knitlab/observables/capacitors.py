@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.io.progress import part
 from knitlab.observables.capacitance import sensor
 from knitlab.observables.observable import Group, curve, number, observable
 
@@ -213,7 +214,8 @@ def unloading(test: "FinishedTest") -> dict[str, Any]:
         different = moved > SAME_STATE * test.assembled[1].cell_sides.min()
         values = test.capacitances.capacitance[same].copy()
         if different.any():
-            values[different] = capacitances(test, states[different]).capacitance
+            with part(0.5, 1.0):
+                values[different] = capacitances(test, states[different]).capacitance
         back[same] = with_leads(test, values)
     return {"capacitance_unloading": back, "hysteresis": sensor.hysteresis(loading, back)}
 

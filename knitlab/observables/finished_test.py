@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.io.progress import part
 from knitlab.model.electrodes import Electrodes
 from knitlab.model.fabric import Configuration, Fabric
 from knitlab.model.network import Network
@@ -144,7 +145,8 @@ class FinishedTest:
         """The capacitor in every state, without leads, of the modelled length."""
         from knitlab.observables.capacitors import capacitances
 
-        return capacitances(self, self.configurations)
+        with part(0.0, 0.5 if self.case.unloading else 1.0):
+            return capacitances(self, self.configurations)
 
     @cached_property
     def electrodes(self) -> Electrodes:

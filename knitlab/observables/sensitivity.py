@@ -13,6 +13,7 @@ from knitlab.model.energy import energy
 from knitlab.model.fabric import Configuration, Fabric
 from knitlab.model.network import MeshShape, network
 from knitlab.model.stripe_numbers import StripePair
+from knitlab.observables.case_variables import STRIPE_PARAMETERS
 from knitlab.observables.unit_cells import (
     central_mean,
     local_strain,

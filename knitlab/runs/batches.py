@@ -21,6 +21,7 @@ from knitlab.solvers.case import Case, by_test
 from knitlab.solvers.methods import METHODS
 
 BATCH_UNKNOWNS = 8_000  # unknowns that one vmapped batch may hold: about 1 GiB of element Hessians
+SECONDS_OF_CAPACITANCE = 1.0  # of electrodes that cover 100 grid cells
 SECONDS_OF_STATE = 0.012  # at least, however small the fabric, to find and to measure it
 PROCESS_BYTES = 500e6  # memory of a worker with its compiled programs
 BATCHES_OF_SHARD = 8  # batches of each shard, at least, if their cases are small enough
@@ -91,13 +92,23 @@ def _batch_of(members: Sequence[str], cases: Mapping[str, Case]) -> Batch:
 
 
 def seconds(cases: Iterable[Case]) -> float:
-    """Time of cases on one core, to a factor of about two [s]."""
-    total = 0.0
-    for case in cases:
-        method = METHODS[case.method]
-        total += method.seconds_of_work * method.work(case, case.states)
-        total += SECONDS_OF_STATE * case.states
-    return total
+    """Time of cases on one core, to a factor of about two, or four with contact [s]."""
+    return sum(seconds_of_states(case, case.states) + seconds_to_measure(case) for case in cases)
+
+
+def seconds_of_states(case: Case, states: float) -> float:
+    """Time of the first states of a case [s]."""
+    method = METHODS[case.method]
+    return method.seconds_of_work * method.work(case, states) + SECONDS_OF_STATE * states
+
+
+def seconds_to_measure(case: Case) -> float:
+    """Time of the capacitances of a case; all else is soon measured [s]."""
+    if case.capacitor is None:
+        return 0.0
+    cells = sum(strip.area for strips in case.electrodes.strips for strip in strips)
+    states = len(case.applied_strain) * (2 if case.unloading else 1)
+    return SECONDS_OF_CAPACITANCE * states * (cells / 100) ** 2
 
 
 def workers_that_fit(batches: Sequence[Batch], workers: int, memory: float | None = None) -> int:

@@ -28,7 +28,7 @@ from knitlab.runs.cube import (
     validated_cube,
 )
 from knitlab.runs.plan import joined_plan
-from knitlab.runs.recorded_plan import PLAN
+from knitlab.runs.recorded_plan import PLAN, read_plan
 from knitlab.runs.reproduce import CURVES, comparison
 from knitlab.runs.results_folder import CubeDesign, Failure, Labels
 

@@ -1,91 +1,63 @@
-"""Progress: a bar over the estimated work of a run, so that its remaining time is realistic."""
+"""Progress of the cases of a run, in the time that they are expected to take."""
 
-import sys
-import time
 from collections.abc import Mapping
-from io import StringIO
-from threading import Event, Thread
 from typing import TextIO
 
-from tqdm import tqdm
-
+from knitlab.io.progress import Progress
+from knitlab.runs.batches import seconds_of_states, seconds_to_measure
 from knitlab.solvers.case import Case
-from knitlab.solvers.methods import METHODS
-
-BAR = "{desc} {percentage:3.0f}% |{bar}| {elapsed} elapsed, {remaining} left"
-LINE = "{desc}, {percentage:.1f} %, {elapsed} elapsed, {remaining} left"
-SECONDS_BETWEEN_LINES = 30.0
-SECONDS_BETWEEN_CLOCKS = 1.0  # time between updates of the elapsed time on a terminal
 
 
-class ProgressBar:
-    """A bar over all states of some cases; off a terminal a line every half minute."""
+class CaseProgress:
+    """Shows how much of some cases is done, of which ``at_once`` run beside each other.
 
-    def __init__(self, cases: Mapping[str, Case], shown: bool, file: TextIO | None = None) -> None:
-        file = file or sys.stderr or StringIO()  # a process may have no standard error
+    After its states, a case is measured.
+    """
+
+    def __init__(
+        self,
+        cases: Mapping[str, Case],
+        shown: bool = True,
+        at_once: int = 1,
+        file: TextIO | None = None,
+    ) -> None:
         self._cases = cases
-        self._states = dict.fromkeys(cases, 0.0)
+        self._to_measure = {name: seconds_to_measure(case) for name, case in cases.items()}
+        self._done = dict.fromkeys(cases, 0.0)  # seconds
+        self._all_done = 0.0
         self._ended = 0
-        self._total = sum(METHODS[case.method].work(case, case.states) for case in cases.values())
-        on_terminal = file.isatty()
-        self._interval = SECONDS_BETWEEN_CLOCKS if on_terminal else SECONDS_BETWEEN_LINES
-        self._closed = Event()
-        self._clock = Thread(target=self._refresh_regularly, daemon=True)
-        self._bar = tqdm(
-            desc=f"0/{len(cases)} cases",
-            total=self._total,
-            smoothing=0,
-            disable=not shown,
-            file=file if on_terminal else _LogLines(file),
-            bar_format=BAR if on_terminal else LINE,
-            mininterval=0.1 if on_terminal else SECONDS_BETWEEN_LINES,
-            miniters=0,  # the amount of work of an update is arbitrary
-        )
+        total = sum(self._seconds(name, case.states + 1) for name, case in cases.items())
+        self._progress = Progress(self._words(), shown, total, total / max(at_once, 1), file)
 
-    def __enter__(self) -> "ProgressBar":
-        if not self._bar.disable:
-            self._clock.start()
+    def __enter__(self) -> "CaseProgress":
+        self._progress.__enter__()
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._closed.set()
-        if self._clock.is_alive():
-            self._clock.join()
-        self._bar.close()
+        self._progress.__exit__(*error)
 
-    def reached(self, case_id: str, states: float) -> None:
-        """Record how many states of a case are done; a fraction is part of a state."""
-        case = self._cases[case_id]
-        work = METHODS[case.method].work
-        advance = work(case, states) - work(case, self._states[case_id])
-        if advance > 0:
-            self._states[case_id] = states
-            # Round-off must not move the bar past its end.
-            self._bar.update(min(advance, self._total - self._bar.n))
+    def reached(self, case_id: str, states: float, doing: str = "") -> None:
+        """Record how many states of a case are done, and what is done with it after them."""
+        advance = max(self._seconds(case_id, states) - self._done[case_id], 0.0)
+        self._done[case_id] += advance
+        self._all_done += advance
+        self._progress.reached(self._all_done, self._words(doing))
 
     def ended(self, case_id: str) -> None:
         """Record that a case has ended, with whatever result."""
         self._ended += 1
-        self.reached(case_id, self._cases[case_id].states)
-        self._bar.set_description_str(f"{self._ended}/{len(self._cases)} cases", refresh=False)
+        self.reached(case_id, self._cases[case_id].states + 1)
 
     def write(self, line: str) -> None:
         """Print a line above the bar."""
-        self._bar.write(line, file=sys.stderr)
+        self._progress.write(line)
 
-    def _refresh_regularly(self) -> None:
-        while not self._closed.wait(self._interval):
-            if time.time() - self._bar.last_print_t >= self._interval:
-                self._bar.refresh()
-                self._bar.last_print_t = time.time()
+    def _seconds(self, case_id: str, states: float) -> float:
+        case = self._cases[case_id]
+        measured = min(max(states - case.states, 0.0), 1.0)
+        return (
+            seconds_of_states(case, min(states, case.states)) + measured * self._to_measure[case_id]
+        )
 
-
-class _LogLines:
-    """Writes each update of the bar as a line, for output that is not a terminal."""
-
-    def __init__(self, file: TextIO) -> None:
-        self._file = file
-
-    def write(self, text: str) -> None:
-        if line := text.strip():
-            self._file.write(f"{line}\n")
+    def _words(self, doing: str = "") -> str:
+        return f"{self._ended}/{len(self._cases)} cases" + (f", {doing}" if doing else "")

@@ -16,14 +16,15 @@ from knitlab.cubes.cube_file import CUBE, parameters_of, write_cube
 from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.errors import invalid
 from knitlab.io.lock import brief_lock, locked, running_shards
+from knitlab.io.progress import Progress
 from knitlab.io.provenance import MODEL
 from knitlab.observables.status import Status
 from knitlab.runs import results_folder, workers
 from knitlab.runs.batches import Shard, workers_that_fit
 from knitlab.runs.cube import DAMAGED_CUBE, build_cube, previous_cube, unused_folder
 from knitlab.runs.plan import Plan
-from knitlab.runs.progress import ProgressBar
-from knitlab.runs.recorded_plan import PLAN
+from knitlab.runs.progress import CaseProgress
+from knitlab.runs.recorded_plan import PLAN, read_plan
 from knitlab.runs.results_folder import (
     FAILURES,
     CaseState,
@@ -141,7 +142,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         with workers.interrupted_by_signals() as asked:
             done = _simulate(share, results, missing, options, asked)
         if shard is None:
-            cube, failures = _join(plan, results, old, states, done)
+            with Progress("cube", options.show_progress, total=None):
+                cube, failures = _join(plan, results, old, states, done)
             make_cube, joined = (lambda: cube), True
         else:
             # Without cases in the share, the cube has all designs, as pending.
@@ -213,14 +215,14 @@ def _simulate(
         from knitlab.runs.simulate import simulate_batch as simulate  # imports JAX
     task = Task(simulate, results.resolve(), options.case_timeout, threads)
 
-    def reached(case_id: str, states: float) -> None:
+    def reached(case_id: str, states: float, doing: str = "") -> None:
         # An exception that a signal raises is lost in a callback of JAX, as that of the collector.
         if asked.is_set() and threading.current_thread() is threading.main_thread():
             raise KeyboardInterrupt
-        bar.reached(case_id, states)
+        bar.reached(case_id, states, doing)
 
     with (
-        ProgressBar(missing, shown=options.show_progress) as bar,
+        CaseProgress(missing, options.show_progress, max(count, 1)) as bar,
         _until_stopped(bar, done),  # while the workers end
         workers.worker_pool(task, count, options.scheduler, options.dashboard, reached) as pool,
         _until_stopped(bar, done),
@@ -256,7 +258,7 @@ def _simulate(
 
 
 @contextmanager
-def _until_stopped(bar: ProgressBar, done: _Simulated) -> Iterator[None]:
+def _until_stopped(bar: CaseProgress, done: _Simulated) -> Iterator[None]:
     """End a step of a run early, but not the run, if it is interrupted or its scheduler is lost."""
     try:
         yield

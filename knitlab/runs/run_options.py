@@ -28,7 +28,7 @@ class RunOptions:
     refresh: bool = False
     shard: Shard | None = None
     dashboard: bool = False
-    show_progress: bool = False
+    show_progress: bool = False  # of its cases and its cube
     simulate: "Simulate | None" = None  # a stand-in for the simulation
 
     def __post_init__(self) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import xarray as xr
 
 from knitlab.cubes.case_file import write_case_file
+from knitlab.io.progress import listening
 from knitlab.io.provenance import provenance
 from knitlab.model.computing import computing
 from knitlab.observables.finished_test import FinishedTest
@@ -49,7 +50,12 @@ def _simulated(cases: Sequence[Case], progress: Progress) -> Iterator[tuple[Case
     wall_seconds = time.perf_counter() - began
     for those, test, perturbed in zip(sharing.values(), tests, copies, strict=True):
         for case in those:
-            dataset = measured(FinishedTest(case, test, perturbed))
+
+            def measuring(share: float, doing: str, case: Case = case) -> None:
+                progress(case.case_id, case.states + share, doing)
+
+            with listening(measuring):
+                dataset = measured(FinishedTest(case, test, perturbed))
             dataset.attrs |= provenance() | {
                 "title": f"knitlab case {case.case_id}",
                 "parameters": json.dumps(case.record),

@@ -9,9 +9,9 @@ if TYPE_CHECKING:
     from knitlab.solvers.combination import Combination
     from knitlab.solvers.equilibrium.state import TensileTest
 
-Progress = Callable[[str, float], None]
-"""Function of a case's identifier and of the number of its finished states, with a fraction."""
-CONTACT_FACTOR = 4.0  # how much longer a fabric with contact takes
+Progress = Callable[..., None]
+"""Function of a case's identifier, of the number of its finished states, with a fraction, and
+perhaps of what is done with it after its states."""
 REASONS = {
     "iteration_limit": "the limit of steps was reached",
     "stalled": "no smaller step helped",

@@ -1,14 +1,12 @@
 """Progress that a run reports."""
 
-import io
 import itertools
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.runs.plan import make_plan
-from knitlab.runs.progress import ProgressBar
-from knitlab.solvers.equilibrium import method
+from knitlab.solvers.equilibrium import tests_of_cases
 from knitlab.solvers.equilibrium.method import RELAXATION_STEPS, Equilibrium
 from knitlab.solvers.equilibrium.tests_of_cases import Reporter
 
@@ -17,7 +15,7 @@ CASES = make_plan("periodic", ("n_stripe=4", "n_subunit=16,32", "robustness=2"))
 
 def test_progress_moves_while_the_fabric_relaxes(monkeypatch):
     clock = itertools.count()
-    monkeypatch.setattr(method.time, "monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr(tests_of_cases.time, "monotonic", lambda: float(next(clock)))
     reports = []
     reporter = Reporter(reports.append)
 
@@ -42,18 +40,6 @@ def test_work_grows_from_zero_to_that_of_all_tests(parts):
     assert work(case, 0) == 0
     one = work(case, 1) / RELAXATION_STEPS
     states = len(case.applied_strain)
-    assert work(case, 2) - work(case, 1) == work(case, states + 2) - work(case, states + 1)
+    later = work(case, states + 2) - work(case, states + 1)
+    assert abs((work(case, 2) - work(case, 1)) / later - 1) < 1e-9
     assert abs(work(case, case.states) / (3 * (states - 1 + RELAXATION_STEPS) * one) - 1) < 1e-12
-
-
-def test_a_redirected_log_gets_whole_lines():
-    log = io.StringIO()
-    with ProgressBar(CASES, shown=True, file=log) as bar:
-        for case_id, case in CASES.items():
-            for states in range(case.states):
-                bar.reached(case_id, states)
-            bar.ended(case_id)
-    lines = log.getvalue().splitlines()
-    assert "\r" not in log.getvalue()
-    assert 1 <= len(lines) <= 4
-    assert lines[-1].startswith("2/2 cases, 100.0 %, 00:0")

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
+from knitlab.io.progress import each
 from knitlab.model.electrodes import Capacitor
 from knitlab.model.fabric import Configuration
 from knitlab.model.surfaces import gap_between
@@ -76,11 +77,11 @@ def maxwell_matrices(
     unknown = np.eye(len(electrode)) if around.polarised else member
     size = batch_size or math.ceil(len(panels) / math.ceil(len(panels) / STATES_AT_ONCE))
     batches = []
-    for first in range(0, len(panels), size):
+    for first in each(range(0, len(panels), size), "capacitances"):
         # The last batch is padded, as a smaller one would be compiled separately.
         batch = np.minimum(np.arange(first, first + size), len(panels) - 1)
-        given = (None if each is None else each[batch] for each in (around.period, around.ground))
-        period, ground = (None if each is None else jnp.asarray(each) for each in given)
+        given = (None if one is None else one[batch] for one in (around.period, around.ground))
+        period, ground = (None if one is None else jnp.asarray(one) for one in given)
         matrices = bem.maxwell_matrices(
             *map(jnp.asarray, (panels[batch], unknown, near)),
             images,

@@ -18,6 +18,7 @@ from jaxtyping import Float
 from scipy.optimize import brentq
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
+from knitlab.io.progress import report
 from knitlab.solvers.branches.equations import FabricEquations, Vector
 
 # Steps along a branch, in strain and in u over its size.
@@ -88,6 +89,7 @@ def follow(
     length = FIRST_STEP
     while len(points) < MAX_POINTS and until[0] <= points[-1].parameter <= until[1]:
         last = points[-1]
+        report(0.0, f"strain {last.parameter:.3f}")
         try:
             point, iterations = _stepped(equations, last, length, last.tangent)
         except NotFollowed:

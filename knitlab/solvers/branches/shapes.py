@@ -8,6 +8,7 @@ between them (string method: E, Ren, Vanden-Eijnden, Phys. Rev. B 66, 052301, 20
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,6 +17,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import fourier_gaussian
 from scipy.sparse.linalg import splu
 
+from knitlab.io.progress import counter, each
 from knitlab.model.energy import Point, fold_angles
 from knitlab.model.fabric import Configuration, Fabric, Unknowns, flat_sheet
 from knitlab.model.network import Network
@@ -59,7 +61,10 @@ def relaxed_shapes(
     The first start is the flat sheet; others have reproducible noise, smooth over 1 to 8 cells.
     """
     sheets = [None if k == 0 else _rough_sheet(net, fabric, k) for k in range(starts)]
-    searches = [partial(_relaxed_from, settings=settings, start=sheet) for sheet in sheets]
+    count = counter(starts, "start")
+    searches = [
+        partial(_relaxed_from, settings=settings, start=sheet, ended=count) for sheet in sheets
+    ]
     states = run_each(net.shape, [fabric] * starts, searches)
     stiffness = np.asarray(fabric.fold_stiffness)
     scale = float(0.5 * stiffness @ np.asarray(fabric.rest_fold) ** 2)
@@ -82,10 +87,13 @@ def relaxed_shapes(
     return sorted(shapes, key=lambda shape: shape.energy), failed
 
 
-def _relaxed_from(system: System, settings: Solver, start: Configuration | None) -> State:
+def _relaxed_from(
+    system: System, settings: Solver, start: Configuration | None, ended: Callable[[], None]
+) -> State:
     state = relax(system, settings, start)
     # Without stages of the walls: a shape between them may be a rest point only of those.
     settled = relax_near(system, settings, state.configuration) if state.converged else state
+    ended()
     return settled if settled.converged else state
 
 
@@ -105,11 +113,11 @@ def _rough_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
 def barriers(system: System, shapes: Sequence[RelaxedShape]) -> Float[np.ndarray, "shape shape"]:
     """Estimated energy to go from one shape (row) to another (column), 0 on the diagonal [N mm]."""
     energies = np.zeros((len(shapes), len(shapes)))
-    for i, one in enumerate(shapes):
-        for j in range(i):
-            top = highest_between(system, one.state.unknowns, shapes[j].state.unknowns)
-            energies[i, j] = top - one.energy
-            energies[j, i] = top - shapes[j].energy
+    for j, i in each([*combinations(range(len(shapes)), 2)], "path"):
+        one, other = shapes[i], shapes[j]
+        top = highest_between(system, one.state.unknowns, other.state.unknowns)
+        energies[i, j] = top - one.energy
+        energies[j, i] = top - other.energy
     return energies
 
 
