@@ -21,7 +21,8 @@ from knitlab.solvers.case import Case, by_test
 from knitlab.solvers.methods import METHODS
 
 BATCH_UNKNOWNS = 8_000  # unknowns that one vmapped batch may hold: about 1 GiB of element Hessians
-SECONDS_OF_CAPACITANCE = 1.0  # of electrodes that cover 100 grid cells
+SECONDS_OF_CAPACITANCE = 0.6  # of electrodes that cover 100 grid cells, in one state
+CAPACITANCE_POWER = 1.4  # of the number of these cells with which it grows
 SECONDS_OF_STATE = 0.012  # at least, however small the fabric, to find and to measure it
 PROCESS_BYTES = 500e6  # memory of a worker with its compiled programs
 BATCHES_OF_SHARD = 8  # batches of each shard, at least, if their cases are small enough
@@ -108,7 +109,7 @@ def seconds_to_measure(case: Case) -> float:
         return 0.0
     cells = sum(strip.area for strips in case.electrodes.strips for strip in strips)
     states = len(case.applied_strain) * (2 if case.unloading else 1)
-    return SECONDS_OF_CAPACITANCE * states * (cells / 100) ** 2
+    return SECONDS_OF_CAPACITANCE * states * (cells / 100) ** CAPACITANCE_POWER
 
 
 def workers_that_fit(batches: Sequence[Batch], workers: int, memory: float | None = None) -> int:

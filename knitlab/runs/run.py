@@ -10,7 +10,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from knitlab.cubes.case_file import case_path, read_case
+from knitlab.cubes.case_file import case_path, read_case, stored_cases
 from knitlab.cubes.common_settings import differences
 from knitlab.cubes.cube_file import CUBE, parameters_of, write_cube
 from knitlab.io.atomic_write import clear_unfinished
@@ -36,7 +36,7 @@ from knitlab.runs.results_folder import (
     stored_statuses,
 )
 from knitlab.runs.run_options import RunOptions
-from knitlab.runs.workers import BatchError, SchedulerLost, Task
+from knitlab.runs.workers import BatchError, SchedulerLost, Simulate, Task
 from knitlab.solvers.case import Case
 
 ONE_BY_ONE = 2  # number of attempts after which batches are run one by one
@@ -139,8 +139,12 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             for case_id, state in states.items()
             if state in wanted or case_id in unconverged
         }
+        before = stored_cases(results)
         with workers.interrupted_by_signals() as asked:
             done = _simulate(share, results, missing, options, asked)
+        if done.stopped:  # a batch that did not end may have written some of its cases
+            now = stored_cases(results)
+            done.ended |= {name for name in missing if now.get(name) != before.get(name)}
         if shard is None:
             with Progress("cube", options.show_progress, total=None):
                 cube, failures = _join(plan, results, old, states, done)
@@ -211,9 +215,7 @@ def _simulate(
         count = workers_that_fit(planned, count)
     # Processors without a batch go to the others as threads; those of a scheduler are not known.
     threads = 1 if options.scheduler else processors // max(count, 1)
-    if (simulate := options.simulate) is None:
-        from knitlab.runs.simulate import simulate_batch as simulate  # imports JAX
-    task = Task(simulate, results.resolve(), options.case_timeout, threads)
+    task = Task(options.simulate or _simulation(), results.resolve(), options.case_timeout, threads)
 
     def reached(case_id: str, states: float, doing: str = "") -> None:
         # An exception that a signal raises is lost in a callback of JAX, as that of the collector.
@@ -255,6 +257,12 @@ def _simulate(
             batches = to_retry
             attempts += 1
     return done
+
+
+def _simulation() -> Simulate:
+    from knitlab.runs.simulate import simulate_batch  # imports JAX
+
+    return simulate_batch
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from knitlab.runs.workflow_file import Overrides, read_overrides
 SCRIPT = "submit.sh"
 LOGS = "slurm"  # folder of what the parts print
 OPTION = re.compile(r"([a-z][a-z-]*)(?:=([^\n]+))?")
-TIME_MARGIN = 8.0  # contact on a slow core took up to seven times the estimate
+TIME_MARGIN = 6.0  # contact took up to three times the estimate, and cores may be slow
 START_SECONDS = 900.0  # to plan and to compile, at most
 MEMORY_MARGIN = 1.5
 GIGABYTE = 2.0**30  # SLURM's unit G

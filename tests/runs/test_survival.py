@@ -134,6 +134,10 @@ def test_a_batch_of_this_process_stops_though_the_exception_of_a_signal_is_lost(
     run = ran(plan, tmp_path, simulate_and_lose_an_interrupt)
     assert run.stopped
     assert len(list(tmp_path.glob("cases/*.nc"))) == 1 < len(plan.batches[0].cases)
+    # The run and its status agree on what is left.
+    assert len(run.simulated) == 1
+    left = fake_simulator.counts(tmp_path)["pending"]
+    assert f"{left} cases are left" in run.remarks(plan.dims, tmp_path)[-1]
 
 
 @pytest.mark.slow
