@@ -143,8 +143,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         with workers.interrupted_by_signals() as asked:
             done = _simulate(share, results, missing, options, asked)
         if done.stopped:  # a batch that did not end may have written some of its cases
-            now = stored_cases(results)
-            done.ended |= {name for name in missing if now.get(name) != before.get(name)}
+            written = stored_cases(results)
+            done.ended |= {name for name in missing if written.get(name) != before.get(name)}
         if shard is None:
             with Progress("cube", options.show_progress, total=None):
                 cube, failures = _join(plan, results, old, states, done)
