@@ -25,9 +25,9 @@ import xarray as xr
 from benchmarks.command_line import COMMAND
 from knitlab.api.sweeps import run_and_draw
 from knitlab.cubes.case_file import case_path
-from knitlab.cubes.cube_file import CUBE
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.checksum import LENGTH, append_checksum
+from knitlab.io.cube_path import CUBE
 from knitlab.runs.batches import Shard
 from knitlab.runs.plan import make_plan
 from knitlab.runs.simulate import simulate_batch

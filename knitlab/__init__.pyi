@@ -55,6 +55,9 @@ from .model.stitches import Gauge as Gauge
 from .model.stripe import Stripe as Stripe
 from .model.stripe_covariance import StripeCovariance as StripeCovariance
 from .runs.doctor import doctor as doctor
+from .runs.listing import figures as figures
+from .runs.listing import settings as settings
+from .runs.listing import workflows as workflows
 from .runs.material import Material as Material
 from .runs.parameters import Model as Model
 from .runs.parameters import defaults as defaults

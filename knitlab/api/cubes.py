@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 import xarray as xr
@@ -44,7 +44,7 @@ def query(
     *cubes: Cube,
     where: str | None = None,
     sort: str | Sequence[str] | None = None,
-    columns: Sequence[str] | Literal["main"] | None = None,
+    columns: str | Sequence[str] | None = None,
     marks: bool = False,
     selections: Mapping[str, Any] = {},
     **named: Any,
@@ -55,8 +55,8 @@ def query(
         cubes: cubes, their files or results folders.
         where: expression over the columns that the rows must meet, as of ``cube.knitlab.query``.
         sort: column to sort by, or several; a leading minus sorts descending.
-        columns: columns to keep, or expressions over them; or ``"main"`` for the at most eight that
-            answer most questions.
+        columns: columns to keep, or expressions over them, as a list or separated by commas; or
+            ``"main"`` for the at most eight that answer most questions.
         marks: whether a last column has the signs of what not to rely on, if there are any.
         selections: a value or a list of values for each coordinate.
         named: further selections, as keywords: ``n_stripe=4``.

@@ -3,42 +3,40 @@
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from knitlab.api.cubes import Wanted
 from knitlab.api.sweeps import RESULTS
-from knitlab.design.design import BUDGET, Designed, run_design
-from knitlab.design.design import summary as summary
 from knitlab.design.request import checked_request, read_request
-from knitlab.design.trial import ShapeFunction
-from knitlab.figures.figure_files import draw_into
 from knitlab.io.errors import invalid, shortened
 from knitlab.io.names import named_folder
-from knitlab.model.computing import computing
+
+if TYPE_CHECKING:  # these are slow to import
+    from knitlab.api.cubes import Wanted
+    from knitlab.design.design import Designed
+    from knitlab.design.trial import ShapeFunction
 
 UNLIMITED = 1_000_000  # number of simulations if the budget is a time
 
 
-@computing()
 def design(
     file: str | Path | None = None,
     *,
-    targets: Wanted | Sequence[Wanted] = (),
+    targets: "Wanted | Sequence[Wanted]" = (),
     vary: Mapping[str, Any] | None = None,
-    subject_to: Wanted | Sequence[Wanted] = (),
+    subject_to: "Wanted | Sequence[Wanted]" = (),
     workflow: str | Path = "periodic",
     cubes: str | Path | Sequence[str | Path] = (),
     starts: int = 3,
     robustness: int = 4,
-    measures: Mapping[str, ShapeFunction] | None = None,
-    budget: int | str = BUDGET,
+    measures: "Mapping[str, ShapeFunction] | None" = None,
+    budget: int | str = 60,
     workers: int = 0,
     results: str | Path = RESULTS,
     name: str = "design",
     figures: bool = False,
     progress: bool = True,
     **settings: Any,
-) -> Designed:
+) -> "Designed":
     """Find the stripes and sizes that come closest to targets, by simulation.
 
     The nearest designs of ``cubes``, or of a coarse sweep, are refined within the bounds of
@@ -101,15 +99,19 @@ def design(
         }
         request = checked_request(name, table)
     most, minutes = _read_budget(str(budget).strip())
-    designed = run_design(
-        request,
-        named_folder(Path(results), request.name),
-        own=tuple((measures or {}).items()),
-        workers=workers,
-        budget=most,
-        minutes=minutes,
-        show_progress=progress,
-    )
+    from knitlab.design.design import run_design  # imports JAX
+    from knitlab.model.computing import computing
+
+    with computing():
+        designed = run_design(
+            request,
+            named_folder(Path(results), request.name),
+            own=tuple((measures or {}).items()),
+            workers=workers,
+            budget=most,
+            minutes=minutes,
+            show_progress=progress,
+        )
     if figures:
         _draw(designed)
     return designed
@@ -128,8 +130,9 @@ def _read_budget(budget: str) -> tuple[int, float | None]:
     return (UNLIMITED, number) if timed else (int(number), None)
 
 
-def _draw(designed: Designed) -> None:
+def _draw(designed: "Designed") -> None:
     """Draw targets and results, and the Pareto front if two targets conflict, into ``figures/``."""
+    from knitlab.figures.figure_files import draw_into
     from knitlab.figures.nearest_designs import nearest_figure, pareto_figure
 
     folder = designed.folder / "figures"

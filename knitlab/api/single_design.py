@@ -11,12 +11,13 @@ import pandas as pd
 import xarray as xr
 
 from knitlab.api.cubes import as_cube
-from knitlab.cubes.cube_file import CUBE, cube_path, is_case
+from knitlab.cubes.cube_file import is_case
 from knitlab.cubes.normalised import require
 from knitlab.cubes.recorded_case import recorded_case
 from knitlab.cubes.selection import only_design
 from knitlab.export.knitting.specification import Prediction
 from knitlab.export.knitting.stitch_chart import is_turned
+from knitlab.io import cube_path
 from knitlab.io.errors import InputError, Mistake, invalid, raise_if_any
 from knitlab.model.settings import PlainKnit
 from knitlab.model.stitches import Gauge
@@ -65,9 +66,7 @@ def single_design(
 
 def is_cube(source: str | Path | xr.Dataset) -> bool:
     """Whether this is a cube, a test, or the path of a cube, and no workflow."""
-    if not isinstance(source, str | Path):
-        return True
-    return Path(source).suffix == ".nc" or (Path(source) / CUBE).is_file()
+    return not isinstance(source, str | Path) or cube_path.is_cube(source)
 
 
 def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
@@ -81,7 +80,7 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     require(cube, ["case_id"], "designs to make")
     design = only_design(cube, selections)
     source = cube.encoding.get("source")
-    folder = None if source is None else cube_path(source).parent
+    folder = None if source is None else cube_path.cube_path(source).parent
     name = str(cube.attrs.get("workflow", "cube"))
     case = _recorded(str(design["case_id"].item()), folder, name)
     return SingleDesign(case, gauge, _prediction(design, case, name), material, yarn)

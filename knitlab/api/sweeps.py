@@ -93,8 +93,8 @@ def run(
     )
     for remark in [*result.remarks, *map(str, result.mistakes)]:
         warnings.warn(remark, NotAllOk, stacklevel=2)
-    from knitlab.cubes.cube_file import CUBE
     from knitlab.cubes.derived import with_derived
+    from knitlab.io.cube_path import CUBE
 
     cube = result.make_cube()
     if shard is None:
@@ -242,8 +242,8 @@ def merge(
     merged = merge_folders(folders, results, any_code=any_code)
     for path in merged.damaged:
         warnings.warn(f"damaged, and left out: {path}", NotAllOk, stacklevel=2)
-    from knitlab.cubes.cube_file import CUBE
     from knitlab.cubes.derived import with_derived
+    from knitlab.io.cube_path import CUBE
 
     merged.cube.encoding["source"] = str(merged.folder / CUBE)
     return with_derived(merged.cube)

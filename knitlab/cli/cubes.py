@@ -1,6 +1,5 @@
 """Of cubes: ``query``, ``find``, ``compare``, ``map``, ``claims``, ``plate``, ``explore``."""
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,8 @@ import click
 
 import knitlab as kl
 from knitlab.cli import options
-from knitlab.cli.options import COUNT, FILE, PATH, flag, option, repeatable
+from knitlab.cli.options import COUNT, flag, option, repeatable
+from knitlab.io.errors import invalid, unknown
 
 uncertainty_of = option(
     "--uncertainty-of",
@@ -43,16 +43,13 @@ def query(
     if listed:
         options.show(kl.variables(*cubes), style)
         return
-    # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).
-    parts = re.findall(r"(?:\([^)]*\)?|[^,(])+", columns or "")
-    names: Any = list(dict.fromkeys(part.strip() for part in parts))
     is_table = style == "table"
-    if names == ["all"]:
-        names = None
-    elif not names:
-        names = "main" if is_table else None
+    if columns == "all":
+        columns = None
+    elif not columns:
+        columns = "main" if is_table else None
     table = kl.query(
-        *cubes, where=where, sort=sort, columns=names, marks=is_table, selections=selections
+        *cubes, where=where, sort=sort, columns=columns, marks=is_table, selections=selections
     )
     options.show(table, style)
 
@@ -67,11 +64,11 @@ def query(
 @option(
     "--material FILE",
     "Rank by the probability of meeting the targets, by the covariances in FILE.",
-    FILE,
+    options.EXISTING,
 )
 @uncertainty_of
 @options.table_format
-@options.output("Figure of the targets and the nearest designs, .pdf, .svg or .png.")
+@options.output("Figure of the targets and the nearest designs", options.FIGURES, "a figure")
 def find(cubes: tuple[Path, ...], style: str, output: Path | None, **wanted: Any) -> None:
     """List the designs of CUBES that come closest to the targets; nothing is simulated.
 
@@ -96,8 +93,8 @@ def find(cubes: tuple[Path, ...], style: str, output: Path | None, **wanted: Any
 
 
 @click.command()
-@click.argument("simulation", type=PATH)
-@click.argument("experiments", type=PATH, nargs=-1, required=True)
+@click.argument("simulation", type=options.CUBE)
+@click.argument("experiments", type=options.CUBE, nargs=-1, required=True)
 @options.select
 @options.table_format
 def compare(
@@ -111,19 +108,34 @@ def compare(
     options.show(kl.compare(simulation, *experiments, selections=selections), style)
 
 
-@click.command(
-    name="map",
-    help="Draw a figure of KIND from CUBES, most kinds take one.\n\nKIND is one of "
-    f"{', '.join(kl.plot.__all__)}.",
-)
-@click.argument("kind")
+class FigureCommand(click.Command):
+    """A command of which the help lists every figure."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write what each figure shows."""
+        with formatter.section("Kinds"):
+            formatter.write_dl(list(kl.figures().items()))
+
+
+def _known(_: Any, __: Any, kind: str) -> str:
+    if kind not in kl.plot.__all__:
+        raise invalid("kind", unknown(kind, kl.plot.__all__, "figure"))
+    return kind
+
+
+@click.command(name="map", cls=FigureCommand)
+@click.argument("kind", callback=_known, is_eager=True)
 @options.cubes
-@options.output("File to draw; its suffix (.pdf, .svg, .png) sets the format.", required=True)
+@options.output("File to draw", options.FIGURES, "a figure", required=True)
 @option("--x DIM", "Dimension across a grid.")
 @option("--y DIM", "Dimension up a grid.")
 @option("--of NAME", "Variable whose values grid and swept show.")
 @option("--window STRAIN:STRAIN", "Strains over which sensor shows slope and linearity.")
-@option("--material FILE", "Material file with the covariances of stripes, for uncertainty.", FILE)
+@option(
+    "--material FILE",
+    "Material file with the covariances of stripes, for uncertainty.",
+    options.EXISTING,
+)
 @uncertainty_of
 @options.select
 def draw_map(
@@ -133,7 +145,10 @@ def draw_map(
     selections: dict[str, Any],
     **shown: str | Path | None,
 ) -> None:
-    """Draw a figure of a cube, unless its file is up to date."""
+    """Draw a figure of KIND from CUBES, unless its file is up to date; most kinds take one cube.
+
+    The suffix of the file sets its format.
+    """
     path = kl.draw(kind, *cubes, output=output, selections=selections, **shown)
     options.show_models(cubes)
     click.echo(f"figure  {path}")
@@ -142,7 +157,9 @@ def draw_map(
 @click.command()
 @options.cubes
 @options.select
-@options.output("Report to write, .md, with its figures in a folder beside it.")
+@options.output(
+    "Report to write, with its figures in a folder beside it", [".md"], "a page of Markdown"
+)
 def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | None) -> None:
     """Judge the paper's claims by CUBES: each claim holds, fails, or is not measured.
 
@@ -162,7 +179,7 @@ def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | N
 
 @click.command()
 @options.cubes
-@options.output("The page; it is one file.", default=Path("explorer.html"))
+@options.output("The page; it is one file", [".html"], "a page", default=Path("explorer.html"))
 def explore(cubes: tuple[Path, ...], output: Path) -> None:
     """Write a page on which CUBES can be explored in a browser, without a network.
 
@@ -176,12 +193,14 @@ def explore(cubes: tuple[Path, ...], output: Path) -> None:
 
 
 @click.command()
-@click.argument("cube", type=options.PATH)
+@click.argument("cube", type=options.CUBE)
 @options.select
 @options.where
 @options.table_format
 @options.output(
-    "File to write: .inp card of Abaqus for one state, .json card of all states, .csv table."
+    "File to write, .inp for a card of Abaqus of one state, .json for one of all states",
+    [".inp", ".json", ".csv"],
+    "a card",
 )
 def plate(
     cube: Path, selections: dict[str, Any], where: str | None, style: str, output: Path | None
@@ -193,6 +212,7 @@ def plate(
     width. csv and json have all entries and the forces in the state.
     Exit code 1 if a state has no positive definite stiffness.
     """
+    options.check_selected(cube, selections, where)
     from knitlab.api.export import plates_table
 
     plates = kl.plate_stiffness(cube, output, selections, where=where)
@@ -202,11 +222,13 @@ def plate(
 
 
 @click.command()
-@click.argument("cube", type=options.PATH)
+@click.argument("cube", type=options.CUBE)
 @options.select
 @options.table_format
 @options.output(
-    "File to write: .py functions, .csv stress over strains, .png, .pdf or .svg figure."
+    "File to write, .py for functions, .csv for stress over strains, or a figure",
+    [".py", ".csv", *options.FIGURES],
+    "a law",
 )
 def law(cube: Path, selections: dict[str, Any], style: str, output: Path | None) -> None:
     """Fit an energy density of a membrane to the tests in CUBE, and list its errors at each.
@@ -214,6 +236,7 @@ def law(cube: Path, selections: dict[str, Any], style: str, output: Path | None)
     A test left out is predicted by a law that is fitted to the others; where these enclose it the
     errors say how well the law predicts other loads. The workflow law runs such tests.
     """
+    options.check_selected(cube, selections)
     fitted = kl.law(cube, output, selections)
     options.show(fitted.errors, style, output, "law")
 

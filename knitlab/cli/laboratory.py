@@ -6,8 +6,9 @@ from typing import Any
 
 import click
 
+import knitlab as kl
 from knitlab.cli import options
-from knitlab.cli.options import COUNT, FILE, PATH, POSITIVE, option
+from knitlab.cli.options import COUNT, POSITIVE, option
 
 
 class Zero(click.ParamType):
@@ -27,14 +28,14 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 
 
 @click.command()
-@click.argument("record", type=FILE)
+@click.argument("record", type=options.EXISTING)
 @option("--stripe knit", kind=["rib", "garter"], required=True)
 @option("-n stitches", "Stitches across the stripe.", COUNT, required=True)
 @option("--period", "Relaxed peak-to-peak distance [mm].", MILLIMETRES)
 @option("--gauge-length", "Relaxed length between the clamps [mm].", MILLIMETRES)
 @option("--gauge-stitches", "Stitches along the gauge length; they give the period.", POSITIVE)
 @option("--width", "Width of the swatch that the force pulls [mm].", MILLIMETRES)
-@option("--along", "Record of the same fabric pulled along its ridges. CSV.", FILE)
+@option("--along", "Record of the same fabric pulled along its ridges. CSV.", options.EXISTING)
 @option("--along-width", "Width of the swatch of --along [mm]. [default: --width]", MILLIMETRES)
 @option("--along-gauge-length", "Its gauge length [mm]. [default: --gauge-length]", MILLIMETRES)
 @option("--thickness", "Thickness of the fabric, for stress over area [mm].", MILLIMETRES)
@@ -62,12 +63,14 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 @option(
     "--spring-curve",
     "Measured curve of a spring, from strain 0, for --law tabulated; its shape counts. CSV.",
-    FILE,
+    options.EXISTING,
 )
 @click.option("--accept", is_flag=True, help="Write the stripe even if it is undetermined.")
 @click.option("--friction", is_flag=True, help="Fit friction and drift to all cycles and repeats.")
 @options.output(
-    "Material file to write, or to add the stripe to, .toml, with figures beside it.",
+    "Material file to write, or to add the stripe to, with figures beside it",
+    [".toml"],
+    "a material",
     default=Path("material.toml"),
 )
 def calibrate(record: Path, knit: Any, stitches: int, **arguments: Any) -> None:
@@ -102,7 +105,7 @@ def calibrate(record: Path, knit: Any, stitches: int, **arguments: Any) -> None:
 
 @click.command(name="import")
 @click.argument("kind", type=click.Choice(["markers", "tensile", "capacitance"]))
-@click.argument("description", type=FILE)
+@click.argument("description", type=options.EXISTING)
 @options.results
 def import_records(kind: Any, description: Path, results: Path) -> None:
     """Import laboratory records as a cube, to compare with simulations.
@@ -118,7 +121,7 @@ def import_records(kind: Any, description: Path, results: Path) -> None:
 
 
 @click.command()
-@click.argument("experiment", type=PATH)
+@click.argument("experiment", type=options.CUBE)
 @click.argument("workflow")
 @options.settings
 @options.select
@@ -141,7 +144,12 @@ def import_records(kind: Any, description: Path, results: Path) -> None:
     click.IntRange(1, 64),
     default=4,
 )
-@options.output("Stripes to write, .toml, with figures beside it.", default=Path("fitted.toml"))
+@options.output(
+    "Stripes to write, with figures beside them",
+    [".toml"],
+    "stripes",
+    default=Path("fitted.toml"),
+)
 def fit(
     experiment: Path,
     workflow: str,
@@ -156,11 +164,10 @@ def fit(
     The sample is the only case of WORKFLOW with the design of the experiment. It is simulated
     about ten to fifty times; if interrupted, the same command continues.
     """
-    from knitlab.api import laboratory as api
-
     if looseness is not None:
         options.echo_error("--looseness is now --prior-std, and will be removed")
         arguments["prior_std"] = looseness
+    kl.plan(workflow, settings)  # says what is invalid before JAX is imported
     began = time.monotonic()
 
     def report_step(tests: int, chi_squared: float) -> None:
@@ -168,6 +175,8 @@ def fit(
             seconds = time.monotonic() - began
             click.echo(f"the first test took {seconds:.0f} s; usual are 10 to 50 tests", err=True)
         click.echo(f"test {tests}: chi² {chi_squared:.4g}", err=True)
+
+    from knitlab.api import laboratory as api
 
     arguments |= {"selections": selections, "step": report_step, "output": output}
     fitted = api.fit(experiment, workflow, settings, **arguments)

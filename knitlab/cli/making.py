@@ -8,7 +8,8 @@ import click
 
 import knitlab as kl
 from knitlab.cli import options
-from knitlab.cli.options import COUNT, FILE, PATH, flag, option, repeatable
+from knitlab.cli.options import COUNT, FILE, flag, option, repeatable
+from knitlab.io.cube_path import is_cube
 from knitlab.io.names import check_suffix
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("file", metavar="TARGETS.toml", type=FILE)
+@click.argument("file", metavar="TARGETS.toml", type=options.EXISTING)
 @options.results
 @option(
     "--budget N|MINUTESmin",
@@ -33,8 +34,6 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     run again.
     Exit code 1 if no candidate meets all targets.
     """
-    from knitlab.api.design import summary
-
     try:
         designed = kl.design(
             file, budget=budget, workers=workers, results=results, figures=True, progress=True
@@ -48,7 +47,7 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
             kind = "target" if number <= len(designed.request.targets) else "subject to"
             click.echo(f"{kind} {number}: {target.text}")
     options.show(designed.ranking.marked_table if is_table else designed.table, style)
-    for line in summary(designed):
+    for line in designed.summary():
         click.echo(line, err=not is_table)
     click.echo(f"cube    {designed.folder / 'cube.nc'}", err=True)
     for path in designed.workflows:
@@ -124,6 +123,8 @@ def knit(
     _check_outputs(outputs)
     for path in sheets:
         check_suffix(path, options.FIGURES, "a figure")
+    if not is_cube(design):
+        kl.plan(design, settings)  # says what is invalid before JAX is imported
     sample = kl.knit(design, overrides=settings, selections=selections, **sample_options)
     for name, value in sample.rows():
         click.echo(f"{name:13} {value}")
@@ -208,7 +209,7 @@ def shape(
 
 
 @click.command("read")
-@click.argument("chart", type=FILE)
+@click.argument("chart", type=options.EXISTING)
 @option(
     "--first",
     "Edge of a text or an image that is knitted first.",
@@ -218,7 +219,7 @@ def shape(
 @option("--carrier", "Of knitout, the carrier to read; by default that with most stitches.", COUNT)
 @option("--knit SYMBOL", "Of a text or an image, the symbol or colour of a knit, such as ' '.")
 @option("--purl SYMBOL", "Of a text or an image, the symbol or colour of a purl.")
-@options.output("File for the pattern, .toml, for [design] pattern_files.")
+@options.output("File for the pattern, for [design] pattern_files", [".toml"], "a pattern")
 def read(
     chart: Path,
     first: Literal["bottom", "top"],
@@ -252,10 +253,12 @@ def read(
 
 
 @click.command()
-@click.argument("cube", type=PATH)
+@click.argument("cube", type=options.CUBE)
 @options.select
 @options.output(
-    "File to write, .vtu, .ply, .obj, .stl or .glb; a series over the strain is .pvd or .fold.",
+    "File to write; a series over the strain is .pvd or .fold",
+    [".vtu", ".pvd", ".ply", ".obj", ".stl", ".glb", ".fold"],
+    "a mesh",
     required=True,
 )
 @options.repeats
@@ -273,6 +276,7 @@ def export(
     Shapes are in the case files beside a cube. Of a single file the strain is 0 unless it is
     selected; a series has every strain that was reached.
     """
+    options.check_selected(cube, selections)
     exported = kl.export(cube, output, selections, repeats=repeats or (1, 1), **surface)
     for strain, mesh, crossing in zip(
         exported.applied_strain, exported.meshes, exported.self_intersections, strict=True
@@ -286,8 +290,10 @@ def export(
 
 
 @click.command()
-@click.argument("cube", type=PATH)
-@option("--limb FILE", "Table of height [mm] and circumference [mm].", FILE, required=True)
+@click.argument("cube", type=options.CUBE)
+@option(
+    "--limb FILE", "Table of height [mm] and circumference [mm].", options.EXISTING, required=True
+)
 @options.select
 @option("--needles", "Needles around the limb.", COUNT)
 @option("--pressure MMHG", "Pressure at the narrowest place, for which needles are found.", float)
@@ -302,6 +308,7 @@ def wear(cube: Path, limb: Path, selections: dict[str, Any], style: str, **sleev
     The sleeve is knitted in the round, with courses around. CUBE has tests as of the workflow law.
     Exit code 1 if a place is stretched beyond the tests, or lies outside the class.
     """
+    options.check_selected(cube, selections)
     table = kl.wear(cube, limb, selections, **sleeve)
     options.show(table, style)
     click.echo(f"needles {table.attrs['needles']}", err=style != "table")

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from knitlab.cli.output import droppable_output
+from knitlab.io.cube_path import cube_path, no_cube
 from knitlab.io.errors import InputError, Mistake, failed_import, invalid, raise_if_any
-from knitlab.io.names import one_line
+from knitlab.io.names import check_suffix, one_line
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,6 +31,30 @@ MAX_LINES = 20  # cases that a command lists
 FIGURES = (".pdf", ".svg", ".png")  # suffixes
 
 
+class Existing(click.Path):
+    """A path to read from; InputError if nothing is there, before anything slow is imported."""
+
+    def convert(self, value: Any, *about: Any) -> Path:
+        """Return the path as it is given."""
+        path = Path(super().convert(value, *about))
+        if not path.exists():
+            raise invalid(str(path), "does not exist; check the path")
+        return path
+
+
+class Cube(click.Path):
+    """The path of a cube; InputError if there is none, before anything slow is imported."""
+
+    def convert(self, value: Any, *about: Any) -> Path:
+        """Return the path as it is given."""
+        path = Path(super().convert(value, *about))
+        if not cube_path(path).is_file():
+            raise no_cube(path)
+        return path
+
+
+CUBE = Cube()
+EXISTING = Existing()
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
@@ -136,6 +161,13 @@ def show(
         click.echo(f"{what or 'figure':6}  {output}", err=True)
 
 
+def check_selected(cube: Path, selections: dict[str, Any], where: str | None = None) -> None:
+    """Say what is invalid in selections of a cube before JAX is imported."""
+    from knitlab.api.cubes import query
+
+    query(cube, selections=selections, where=where)
+
+
 def show_models(cubes: Iterable[Path]) -> None:
     """Print on the error stream of which model the numbers of cubes are."""
     from knitlab.api.cubes import models
@@ -201,7 +233,7 @@ def _two_counts(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-cubes = click.argument("cubes", type=PATH, nargs=-1, required=True)
+cubes = click.argument("cubes", type=CUBE, nargs=-1, required=True)
 
 
 def option(names: str, help: str = "", kind: Any = str, **settings: Any) -> Decorator:
@@ -226,9 +258,16 @@ def repeatable(names: str, help: str, kind: Any = str, **settings: Any) -> Decor
     return option(names, f"{help} Repeatable.", kind, multiple=True, **settings)
 
 
-def output(help: str, **settings: Any) -> Decorator:
-    """The option ``--output`` of a command that writes one file."""
-    return option("-o --output", help, FILE, **settings)
+def output(help: str, suffixes: Sequence[str], kind: str, **settings: Any) -> Decorator:
+    """The option ``--output`` of a command that writes one file of a kind, with these suffixes."""
+
+    def checked(_: Any, __: Any, path: Path | None) -> Path | None:
+        if path is not None:
+            check_suffix(path, suffixes, kind)
+        return path
+
+    help = f"{help}: {', '.join(suffixes)}."
+    return option("-o --output", help, FILE, callback=checked, **settings)
 
 
 def workers(default: int | None, shown: str | bool = True) -> Decorator:
@@ -259,7 +298,7 @@ table_format = option("--format style", kind=["table", "csv", "json"], default="
 _material = option(
     "--material",
     "Material file with the stripes of another yarn, in place of the paper's.",
-    FILE,
+    EXISTING,
     **AS_SETTING,
 )
 _settings = repeatable(

@@ -7,11 +7,11 @@ import click
 
 import knitlab as kl
 from knitlab.cli import options
-from knitlab.cli.options import PATH, flag, option, repeatable
+from knitlab.cli.options import flag, option, repeatable
 
 
 @click.command()
-@click.argument("cube", type=PATH)
+@click.argument("cube", type=options.CUBE)
 @options.select
 @options.where
 @option("--along", "Direction that the sensor is to read.", ["warp", "weft"], default="warp")
@@ -23,7 +23,7 @@ from knitlab.cli.options import PATH, flag, option, repeatable
 @option("--cloth-permittivity", "Of the cloth, relative.", click.FLOAT, default=1.0)
 @option("--cloth-thickness", "Of the cloth that has it [mm].", click.FLOAT, default=0.5)
 @options.table_format
-@options.output("Figure to draw: .pdf, .svg or .png.")
+@options.output("Figure to draw", options.FIGURES, "a figure")
 def sensing(
     cube: Path,
     selections: dict[str, Any],
@@ -53,6 +53,7 @@ def sensing(
         raise click.UsageError("--electrode and --sensor give a table each; give one of them")
     if (electrodes or sensors) and where:
         raise click.UsageError("--where is for a table of designs; select one design instead")
+    options.check_selected(cube, selections, where)
     if electrodes:
         matrix = kl.capacitance_matrix(cube, electrodes, selections, output=output, **cloth)
         wide = matrix["capacitance"].to_dataframe()["capacitance"].unstack("to")

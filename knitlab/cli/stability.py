@@ -8,14 +8,14 @@ import knitlab as kl
 from knitlab.cli import options
 from knitlab.cli.options import COUNT, option
 
-FIGURE = "Figure to draw: .pdf, .svg or .png."
+figure = options.output("Figure to draw", options.FIGURES, "a figure")
 
 
 @click.command()
 @click.argument("workflow", default="periodic")
 @options.settings
 @options.table_format
-@options.output(FIGURE)
+@figure
 def branches(workflow: str, settings: tuple[str, ...], style: str, output: Path | None) -> None:
     """Follow the equilibria of one design of WORKFLOW through the points at which it snaps.
 
@@ -23,6 +23,7 @@ def branches(workflow: str, settings: tuple[str, ...], style: str, output: Path 
     WORKFLOW is periodic by default.
     A row for each branch, limit point and branch point; csv and json have all points.
     """
+    kl.plan(workflow, settings)  # says what is invalid before JAX is imported
     points = kl.branches(workflow, settings, output=output).to_dataframe()
     if style == "table":
         last = ~points["branch"].duplicated(keep="last") | ~points["branch"].duplicated()
@@ -35,7 +36,7 @@ def branches(workflow: str, settings: tuple[str, ...], style: str, output: Path 
 @options.settings
 @option("--starts", "Number of sheets to relax, each with other noise.", COUNT, default=30)
 @options.table_format
-@options.output(FIGURE)
+@figure
 def shapes(
     workflow: str, settings: tuple[str, ...], starts: int, style: str, output: Path | None
 ) -> None:
@@ -45,6 +46,7 @@ def shapes(
 
     Exit code 1 if a start did not converge.
     """
+    kl.plan(workflow, settings)  # says what is invalid before JAX is imported
     atlas = kl.shapes(workflow, settings, starts=starts, output=output)
     table = atlas.drop_vars(["height", "barrier", "to"]).to_dataframe().reset_index()
     table.insert(2, "above_lowest", table["energy"] - table["energy"].min())

@@ -14,7 +14,6 @@ from knitlab.cli.options import (
     COUNT,
     COUNT_OR_ZERO,
     FOLDER,
-    PATH,
     POSITIVE,
     flag,
     option,
@@ -185,7 +184,7 @@ def submit(workflow: str, settings: tuple[str, ...], keep_going: bool, **given: 
 
 
 @click.command()
-@click.argument("folders", nargs=-1, required=True, type=PATH)
+@click.argument("folders", nargs=-1, required=True, type=options.EXISTING)
 @option(
     "-o --results",
     "Folder that holds a folder of results for each workflow; what is there is kept.",
@@ -211,12 +210,12 @@ def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
 
 
 @click.command()
-@click.argument("workflow")
+@click.argument("workflow", metavar="WORKFLOW|FOLDER")
 @options.results
 @flag("--check", "Compare every case file with its checksum.")
 @flag("--json as_json", "Print JSON, for scripts.")
 def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
-    """Show the status of the cases of the last plan of WORKFLOW.
+    """Show the status of the cases of the last plan of WORKFLOW, or of the FOLDER of its results.
 
     If an input file of the plan has changed, the workflow is planned again with the same settings.
     """
@@ -258,4 +257,24 @@ def doctor(results: Path, simulate: bool) -> None:
     options.exit_unless(kl.doctor(results=results, simulate=simulate, report=click.echo))
 
 
-COMMANDS = (plan, run, submit, merge, status, reproduce, doctor)
+@click.command()
+def workflows() -> None:
+    """List the workflows that knitlab comes with."""
+    for name, title in kl.workflows().items():
+        click.echo(f"{name:16} {title}")
+
+
+@click.command()
+@click.argument("word", default="")
+def settings(word: str) -> None:
+    """List the settings of workflows, or those of which WORD is in the name or the description.
+
+    Each has its table, its default, its possible values and its meaning.
+    """
+    for each in kl.settings(word):
+        default = f"{each.default} {each.unit}".strip() or "-"
+        words = "; ".join(filter(None, (each.values, each.meaning)))
+        click.echo(f"{each.name:28} {each.section:11} {default:14} {words}")
+
+
+COMMANDS = (plan, run, submit, merge, status, reproduce, doctor, workflows, settings)

@@ -15,6 +15,7 @@ from knitlab.cubes.derived import with_derived
 from knitlab.cubes.normalised import ATTRIBUTE, NoCube, normalised
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.checksum import append_checksum, has_checksum
+from knitlab.io.cube_path import CUBE, cube_path, no_cube
 from knitlab.io.errors import InputError, Mistake, failed_import, invalid, shown
 from knitlab.io.lock import is_locked
 from knitlab.io.toml import json_table
@@ -22,7 +23,6 @@ from knitlab.observables import schema
 from knitlab.observables.of_cubes import DERIVED, LABORATORY
 from knitlab.observables.schema import DESIGN_DIMS, SIMULATION, SOURCE, VARIABLES
 
-CUBE = "cube.nc"
 CHUNK_CACHE = 4_000_000  # bytes of a variable that HDF5 keeps uncompressed
 GAUGE = "gauge_"  # prefix of the attributes of a cube that are its gauge [mm]
 OPTION = "model_"  # prefix of the attributes of a cube that are model options
@@ -39,12 +39,6 @@ class CommonSettings(BaseModel):
 
 class Damaged(InputError):
     """A cube that is not as it was written."""
-
-
-def cube_path(path: str | Path) -> Path:
-    """The file of a cube, given this file or its folder."""
-    path = Path(path)
-    return path / CUBE if path.is_dir() else path
 
 
 def source_path(cube: xr.Dataset) -> Path | None:
@@ -79,7 +73,7 @@ def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
 
 def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     """The variables in the file of a cube, in the order of the schema, as :func:`open_cube`."""
-    path = cube_path(path)
+    given, path = path, cube_path(path)
     try:
         try:
             complete = has_checksum(path)
@@ -92,8 +86,7 @@ def read_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
             with cube:
                 cube.load()
     except FileNotFoundError as error:
-        message = "does not exist; run a workflow or import an experiment first"
-        raise invalid(str(path), message) from error
+        raise no_cube(given) from error
     except InputError:
         raise
     except (ImportError, *UNREADABLE) as error:

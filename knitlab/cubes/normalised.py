@@ -265,7 +265,7 @@ def _in_unit(name: str, variable: xr.Variable, where: str) -> xr.Variable:
         return variable
     stated, factor = variable.attrs.get("units", known.units), 1.0
     if stated != known.units:
-        from knitlab.io.table_file import unit_factor  # imports pint
+        from knitlab.io.table_file import unit_factor
 
         try:
             hint = f"as {known.units}"

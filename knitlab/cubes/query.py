@@ -77,7 +77,7 @@ class KnitlabAccessor:
         where: str | None = None,
         *,
         sort: str | Sequence[str] | None = None,
-        columns: Sequence[str] | None = None,
+        columns: str | Sequence[str] | None = None,
         **selections: Any,
     ) -> pd.DataFrame:
         """The designs of the cube as a table, one row for each.
@@ -112,7 +112,7 @@ def query_cubes(
     selections: Mapping[str, Any] = {},
     where: str | None = None,
     sort: str | Sequence[str] | None = None,
-    columns: Sequence[str] | None = None,
+    columns: str | Sequence[str] | None = None,
     marks: bool = False,
 ) -> pd.DataFrame:
     """The designs of cubes along the same dimensions as one table; see :func:`knitlab.query`.
@@ -120,14 +120,18 @@ def query_cubes(
     The attribute ``models`` has lines that state the models of the cubes.
     """
     keys = [sort] if isinstance(sort, str) else list(sort or ())
-    listed = () if isinstance(columns, str) or columns is None else tuple(columns)
+    main = columns == "main"
+    if isinstance(columns, str):
+        # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).
+        columns = [] if main else re.findall(r"(?:\([^)]*\)?|[^,(])+", columns)
+    listed = tuple(dict.fromkeys(name.strip() for name in columns or ()))
     asked = " ".join((where or "", *keys, *listed))
     known = with_columns(cubes, [where or "", *keys, *listed])
     table = designs_of_all(known, selections)
     if re.search(rf"\b{COLUMN}\b", asked):
         table[COLUMN] = marks_of_all(cubes, selections, listed or list(table.columns))
     table = queried(table, where, keys, listed)
-    if columns == "main":
+    if main:
         sorted_by = " ".join((where or "", *keys))
         table = table[main_columns(table, re.findall(r"\w+", sorted_by))]
     if marks:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from knitlab.cubes.cube_file import CUBE, open_cube, write_cube
+from knitlab.cubes.cube_file import open_cube, write_cube
 from knitlab.cubes.find import CROSSINGS, Found, find_designs
 from knitlab.design.candidates import (
     Candidate,
@@ -29,6 +29,7 @@ from knitlab.design.search import SEARCHES, TRIALS, DesignSearch, SearchResult, 
 from knitlab.design.search_space import DesignLabels, SearchSpace, search_space
 from knitlab.design.trial import ShapeFunctions
 from knitlab.io.atomic_write import atomic_write
+from knitlab.io.cube_path import CUBE
 from knitlab.io.errors import invalid
 from knitlab.io.lock import locked
 from knitlab.io.progress import Progress
@@ -40,7 +41,6 @@ from knitlab.runs.workers import interrupted_by_signals
 from knitlab.runs.workflow import PATTERN
 
 REQUEST = "request.json"
-BUDGET = 60  # default number of simulations of the searches
 PAPERS_PATTERN = "checkerboard"  # pattern of a cube that names none
 
 
@@ -78,6 +78,10 @@ class Designed:
         """The two targets or constraints that conflict most in the trials, if any do."""
         return worst_conflict(self.request.wanted, self.trials)
 
+    def summary(self) -> Iterator[str]:
+        """Lines about each candidate, the best first, and about targets that could not be met."""
+        return _summary(self)
+
 
 def run_design(
     request: DesignRequest,
@@ -85,7 +89,7 @@ def run_design(
     *,
     own: ShapeFunctions = (),
     workers: int = 0,
-    budget: int = BUDGET,
+    budget: int = 60,
     minutes: float | None = None,
     show_progress: bool = True,
 ) -> Designed:
@@ -217,8 +221,7 @@ def _searched(
         return run_searches(searches, folder, workers, ended)
 
 
-def summary(designed: Designed) -> Iterator[str]:
-    """Lines about each candidate, the best first, and about targets that could not be met."""
+def _summary(designed: Designed) -> Iterator[str]:
     dims = [str(dim) for dim in designed.cube["status"].dims if dim != "candidate"]
     crossings = designed.table.set_index("candidate").get(CROSSINGS)
     for number in map(int, designed.table["candidate"]):

@@ -48,7 +48,7 @@ def draw_figure(
     figure_kind(name)
     check_figure_suffix(output)
     cubes = [cube_file.open_cube(path) for path in cube_paths]
-    digests = [file_digest(cube_file.cube_path(path)) for path in cube_paths]
+    digests = [file_digest(cube_path(path)) for path in cube_paths]
     fingerprint = figure_files.fingerprint_of_figure(name, digests, selections, options)
     figure_files.draw_into(partial(draw, name, cubes, selections, options), output, fingerprint)
     return output

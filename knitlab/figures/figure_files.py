@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from knitlab.cubes.cube_file import cube_path, swept_dims
+from knitlab.cubes.cube_file import swept_dims
 from knitlab.cubes.selection import as_given
 from knitlab.figures.registry import figure_kind
 from knitlab.io.atomic_write import atomic_write
+from knitlab.io.cube_path import cube_path
 from knitlab.io.errors import CannotWrite, InputError, Mistake
 from knitlab.io.names import inside
 from knitlab.io.provenance import DIGITS, file_digest, package_digest

@@ -14,7 +14,6 @@ from zipfile import BadZipFile
 
 import numpy as np
 import pandas as pd
-import pint
 from jaxtyping import Float
 
 from knitlab.io.errors import ErrorCollector, InputError, invalid, raise_if_any
@@ -201,6 +200,8 @@ def name_and_unit(header: str) -> tuple[str, str]:
 
 def unit_factor(where: str, unit: str, target: str, hint: str) -> float:
     """Factor from one unit to another; ``hint`` names the units that InputError asks for."""
+    import pint  # slow to import
+
     quantity = pint.get_application_registry().Quantity
     given, wanted = ("dimensionless" if each == "1" else each for each in (unit, target))
     message = f"is in {unit}; give it in a unit {hint}"

@@ -12,7 +12,6 @@ from math import isnan, nan
 from typing import Literal, NamedTuple
 
 import numpy as np
-import pint
 
 from knitlab.io.errors import invalid, shown
 
@@ -349,6 +348,8 @@ def _headers(above: list[Row]) -> list[str]:
 def is_unit(text: str) -> bool:
     """Whether a text is a unit."""
     try:
+        import pint  # slow to import
+
         pint.get_application_registry().parse_units(text)
     except Exception:  # pint raises many types for a text that is not a unit
         return False

@@ -12,13 +12,13 @@ from pydantic import BaseModel
 
 from knitlab.cubes.cube_file import (
     ATTRIBUTE,
-    CUBE,
     design_dims,
     is_measured,
     parameters_of,
     read_cube,
     write_cube,
 )
+from knitlab.io.cube_path import CUBE
 from knitlab.io.errors import invalid
 from knitlab.io.names import named_folder
 from knitlab.io.provenance import MODEL, file_digest, provenance, text_digest

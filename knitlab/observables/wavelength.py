@@ -105,10 +105,22 @@ def spectrum(
 
 def _trend(raw: Float[np.ndarray, " point"], wavelength: float) -> Float[np.ndarray, " point"]:
     """Variation slower than the wave, whose length is relative to that of the line."""
-    from scipy.signal import savgol_filter  # slow to import, and only simulations need it
-
     window = min(round(TREND_WINDOW * wavelength * len(raw)), len(raw))
-    return savgol_filter(raw, window - (window % 2 == 0), polyorder=2)
+    return quadratic_filter(raw, window - (window % 2 == 0))
+
+
+def quadratic_filter(raw: Float[np.ndarray, " point"], window: int) -> Float[np.ndarray, " point"]:
+    """What ``scipy.signal.savgol_filter(raw, window, 2)`` returns, whose import takes 0.4 s."""
+    from scipy.linalg import lstsq
+    from scipy.ndimage import convolve1d
+
+    half = window // 2
+    powers = np.arange(half, -half - 1.0, -1.0) ** np.arange(3.0)[:, None]
+    smooth = convolve1d(raw, lstsq(powers, [1.0, 0.0, 0.0])[0], mode="constant")
+    along = np.arange(window, dtype=float)
+    smooth[:half] = np.polyval(np.polyfit(along, raw[:window], 2), along[:half])
+    smooth[-half:] = np.polyval(np.polyfit(along, raw[-window:], 2), along[-half:])
+    return smooth
 
 
 def _peak(

@@ -11,8 +11,9 @@ import xarray as xr
 
 from knitlab.cubes import case_file, cube_file
 from knitlab.cubes.common_settings import differences
-from knitlab.cubes.cube_file import CUBE, parameters_of
+from knitlab.cubes.cube_file import parameters_of
 from knitlab.io.atomic_write import clear_unfinished
+from knitlab.io.cube_path import CUBE
 from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.limits import MAX_CASES_NAMED
 from knitlab.io.lock import locked

@@ -2,6 +2,7 @@
 
 import math
 import re
+import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -292,6 +293,26 @@ class Parameters:
     material: str | None = None  # name of one in place of the paper's yarn
     scaled: Mapping[str, float] = field(default_factory=dict)  # lengths that it scaled
     yarn: YarnOnMachine | None = None  # of the material
+
+    def __repr__(self) -> str:
+        """The tables of settings, and the names of all else."""
+        shown = {
+            "material": self.material or "of the paper",
+            **{knit: ", ".join(map(str, self.stripes.rows(knit))) for knit in KNITS},
+            "layouts": ", ".join(self.layouts),
+            "designs": ", ".join(self.designs.root),
+            "patterns": ", ".join(self.patterns),
+        }
+        for name in TABLES:
+            table = getattr(self, name)
+            given = {} if table is None else asdict(table)
+            given.pop("layout", None)
+            shown[name] = ", ".join(f"{key} {value}" for key, value in given.items())
+        lines = (
+            textwrap.fill(f"{name:10} {text}", 100, subsequent_indent=" " * 11)
+            for name, text in shown.items()
+        )
+        return "\n".join(["<Parameters>", *lines])
 
     def with_tables(self, **given: object) -> "Parameters":
         """The parameters with other tables, of which None keeps one; InputError lists mistakes."""

@@ -17,9 +17,6 @@ from knitlab.cubes.recorded_case import case_of_record
 from knitlab.io.errors import InputError, invalid
 from knitlab.io.limits import MAX_CASES_NAMED
 from knitlab.io.provenance import MODEL
-from knitlab.model.computing import computing
-from knitlab.observables.finished_test import FinishedTest
-from knitlab.observables.measurement import measured
 from knitlab.runs.recorded_plan import PLAN, read_plan
 from knitlab.runs.results_folder import FAILURES, earlier_failures
 from knitlab.solvers.case import Case
@@ -69,7 +66,6 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
     return RecordedCase(case_of_record(record, name), name, folder)
 
 
-@computing()
 def reproduce(
     case_id: str, *, results: str | Path = "results", report: Callable[[str], None] = print
 ) -> bool:
@@ -87,6 +83,16 @@ def reproduce(
         InputError: if there is no such case, or several.
     """
     recorded = find_case(Path(results), case_id)
+    from knitlab.model.computing import computing  # imports JAX
+
+    with computing():
+        return _reproduced(recorded, report)
+
+
+def _reproduced(recorded: RecordedCase, report: Callable[[str], None]) -> bool:
+    from knitlab.observables.finished_test import FinishedTest
+    from knitlab.observables.measurement import measured
+
     case = recorded.case
     report(f"{recorded.case_id}: {case.label}")
     if case.case_id != recorded.case_id:

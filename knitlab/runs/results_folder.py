@@ -16,8 +16,9 @@ from knitlab.cubes.case_file import (
     read_values,
     stored_cases,
 )
-from knitlab.cubes.cube_file import CUBE, design_dims
+from knitlab.cubes.cube_file import design_dims
 from knitlab.io.atomic_write import atomic_write
+from knitlab.io.cube_path import CUBE
 from knitlab.io.provenance import MODEL, stored_model
 from knitlab.observables.status import RUN, Status
 from knitlab.runs.recorded_plan import Labels

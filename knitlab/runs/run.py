@@ -12,8 +12,9 @@ import xarray as xr
 
 from knitlab.cubes.case_file import case_path, read_case, stored_cases
 from knitlab.cubes.common_settings import differences
-from knitlab.cubes.cube_file import CUBE, parameters_of, write_cube
+from knitlab.cubes.cube_file import parameters_of, write_cube
 from knitlab.io.atomic_write import clear_unfinished
+from knitlab.io.cube_path import CUBE
 from knitlab.io.errors import invalid
 from knitlab.io.lock import brief_lock, locked, running_shards
 from knitlab.io.progress import Progress

@@ -1,7 +1,4 @@
-"""The status of the plan of a results folder, and whether a run would change anything there.
-
-Needs JAX only if a workflow has changed since it was planned.
-"""
+"""The status of the plan of a results folder, and whether a run would change anything there."""
 
 from collections import Counter
 from contextlib import suppress
@@ -11,11 +8,13 @@ from typing import Any
 
 import xarray as xr
 
-from knitlab.cubes.cube_file import CUBE, read_cube
+from knitlab.cubes.cube_file import read_cube
+from knitlab.io.cube_path import CUBE
 from knitlab.io.errors import InputError
 from knitlab.io.names import named_folder
+from knitlab.io.shipped import shipped
 from knitlab.observables.status import Status
-from knitlab.runs.recorded_plan import changed_inputs, planned_designs, read_plan, same_plan
+from knitlab.runs.recorded_plan import PLAN, changed_inputs, planned_designs, read_plan, same_plan
 from knitlab.runs.results_folder import (
     CaseState,
     Check,
@@ -76,21 +75,33 @@ def status(
     """Status of the cases of the last plan of a workflow, which is renewed if its files changed.
 
     Args:
-        workflow: name of a shipped workflow, or path of a TOML file.
+        workflow: name of a shipped workflow, path of a TOML file, or the folder of its results.
         results: folder that holds a folder of results for each workflow.
         check: whether to compare every case file with its checksum.
 
     Raises:
         InputError: if the workflow was never planned there.
     """
-    folder = named_folder(Path(results), Path(workflow).stem)
+    folder = Path(workflow)
+    if not (folder / PLAN).is_file():
+        folder = named_folder(Path(results), folder.stem)
     record = read_plan(folder)
     designs, changed = planned_designs(record), changed_inputs(record)
     if changed:
-        from knitlab.runs.plan import make_plan  # imports JAX, which only this case needs
+        from knitlab.runs.plan import make_plan
 
-        designs = make_plan(str(workflow), record["overrides"]).designs
+        designs = make_plan(_workflow_of(record), record["overrides"]).designs
     return folder_status(folder, tuple(record["dims"]), designs, check, changed)
+
+
+def _workflow_of(record: dict[str, Any]) -> str:
+    """The file of the workflow of a recorded plan."""
+    files = (Path(path) for path in record["inputs"])
+    return next(
+        str(path)
+        for path in files
+        if path.stem == record["workflow"] and path.parent != shipped("params").resolve()
+    )
 
 
 def folder_status(

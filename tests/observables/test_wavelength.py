@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import savgol_filter
 
-from knitlab.observables.wavelength import spectrum, wave_of
+from knitlab.observables.wavelength import quadratic_filter, spectrum, wave_of
 
 LAMBDA, AMPLITUDE = 12.3, 1.5
 
@@ -88,3 +89,10 @@ def test_spectrum_of_a_sinusoid_is_as_high_as_the_sinusoid():
 def test_a_line_that_shows_no_wave_is_refused(line, waves, words):
     with pytest.raises(ValueError, match=words):
         wave_of(line, waves)
+
+
+@pytest.mark.parametrize("window", [3, 51, 301])
+def test_the_filter_is_that_of_scipy(window):
+    raw = np.cumsum(np.random.default_rng(window).normal(size=512))
+    wanted = savgol_filter(raw, window, polyorder=2)
+    np.testing.assert_allclose(quadratic_filter(raw, window), wanted, rtol=0, atol=1e-12)
