@@ -24,4 +24,5 @@ def _section(name: str) -> Iterator[str]:
     options = [each for each in command.params if isinstance(each, click.Option)]
     records = filter(None, (option.get_help_record(context) for option in options))
     rows = [(code(names), plain(meaning.replace("  [", " ["))) for names, meaning in records]
-    yield table(("option", "meaning"), rows)
+    if rows:
+        yield table(("option", "meaning"), rows)

@@ -131,11 +131,7 @@ def _known(_: Any, __: Any, kind: str) -> str:
 @option("--y DIM", "Dimension up a grid.")
 @option("--of NAME", "Variable whose values grid and swept show.")
 @option("--window STRAIN:STRAIN", "Strains over which sensor shows slope and linearity.")
-@option(
-    "--material FILE",
-    "Material file with the covariances of stripes, for uncertainty.",
-    options.EXISTING,
-)
+@option("--material FILE", "With the covariances of stripes, for uncertainty.", options.EXISTING)
 @uncertainty_of
 @options.select
 def draw_map(

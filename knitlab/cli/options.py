@@ -36,7 +36,7 @@ class Existing(click.Path):
 
     def convert(self, value: Any, *about: Any) -> Path:
         """Return the path as it is given."""
-        path = Path(super().convert(value, *about))
+        path = Path(str(super().convert(value, *about)))
         if not path.exists():
             raise invalid(str(path), "does not exist; check the path")
         return path
@@ -47,14 +47,15 @@ class Cube(click.Path):
 
     def convert(self, value: Any, *about: Any) -> Path:
         """Return the path as it is given."""
-        path = Path(super().convert(value, *about))
+        path = Path(str(super().convert(value, *about)))
         if not cube_path(path).is_file():
             raise no_cube(path)
         return path
 
 
 CUBE = Cube()
-EXISTING = Existing()
+EXISTING = Existing(dir_okay=False)
+EXISTING_FOLDER = Existing(file_okay=False)
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)

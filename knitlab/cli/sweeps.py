@@ -184,7 +184,7 @@ def submit(workflow: str, settings: tuple[str, ...], keep_going: bool, **given: 
 
 
 @click.command()
-@click.argument("folders", nargs=-1, required=True, type=options.EXISTING)
+@click.argument("folders", nargs=-1, required=True, type=options.EXISTING_FOLDER)
 @option(
     "-o --results",
     "Folder that holds a folder of results for each workflow; what is there is kept.",

@@ -27,6 +27,7 @@ from knitlab.cubes.trust import with_doubts
 from knitlab.figures import figure_files
 from knitlab.figures.registry import FigureKind, figure_kind, figure_kinds
 from knitlab.figures.style import print_style
+from knitlab.io.cube_path import cube_path
 from knitlab.io.errors import Mistake, invalid
 from knitlab.io.progress import each
 from knitlab.io.provenance import file_digest

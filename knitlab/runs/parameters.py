@@ -296,9 +296,9 @@ class Parameters:
 
     def __repr__(self) -> str:
         """The tables of settings, and the names of all else."""
-        shown = {
+        shown: dict[str, str] = {
             "material": self.material or "of the paper",
-            **{knit: ", ".join(map(str, self.stripes.rows(knit))) for knit in KNITS},
+            **{str(knit): ", ".join(map(str, self.stripes.rows(knit))) for knit in KNITS},
             "layouts": ", ".join(self.layouts),
             "designs": ", ".join(self.designs.root),
             "patterns": ", ".join(self.patterns),
