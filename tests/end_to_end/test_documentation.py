@@ -1,8 +1,10 @@
 """The output shown in the documentation is that of its commands and Python on the kept cubes."""
 
 import doctest
+import operator
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -46,6 +48,11 @@ class Example:
     def __str__(self):
         return f"{self.page}: {' '.join(self.words)}"
 
+    @property
+    def left_out(self):
+        """Why it is not run, if it is not."""
+        return next((why for words, why in NOT_RUN.items() if words in str(self)), "")
+
 
 def examples(page):
     """Every command of the indented blocks of a page, with the lines below it."""
@@ -75,11 +82,25 @@ def is_kept(example):
     return bool(folders) and all(kept(f) != f or (ROOT / f).is_dir() for f in folders)
 
 
-EXAMPLES = [
+NOT_RUN = {
+    "cluster.md": "needs SLURM, or is of no workflow",
+    "swatches_across && knitlab": "is that of test_against_measurements.py",
+    "doctor": "prints what is known of the machine",
+    "resume.md: status": "is of the reader's run",
+    "sensing results/sensor --select applied_strain=0.1 --where": "simulates (2, 32) for an hour",
+    "import markers DESCRIPTION": "is of the reader's records",
+    "import tensile DESCRIPTION": "is of the reader's records",
+    "import capacitance DESCRIPTION": "is of the reader's records",
+}
+"""Commands whose output is not compared, by a part of them, and why."""
+PRINTED = [
     example
     for page in PAGES
     for example in examples(page)
-    if example.words[0] in READING_COMMANDS and example.printed and is_kept(example)
+    if any(line.strip() and not line.startswith(FILES) for line in example.printed)
+]
+EXAMPLES = [
+    example for example in PRINTED if example.words[0] in READING_COMMANDS and is_kept(example)
 ]
 
 
@@ -118,10 +139,10 @@ def split(lines, separator):
     yield part
 
 
-def start_of(part, lines, first):
+def start_of(part, lines, first, same=operator.eq):
     """Where a run of lines begins among others, in the order in which they are printed."""
     for place in range(first, len(lines) - len(part) + 1):
-        if lines[place : place + len(part)] == part:
+        if all(map(same, part, lines[place : place + len(part)])):
             return place
     raise AssertionError("not printed:\n" + "\n".join(part) + "\n\nbut:\n" + "\n".join(lines))
 
@@ -194,23 +215,48 @@ def run_python_of(page):
         names = session.globs
 
 
+SIMULATED = {each.page for each in PRINTED if each not in EXAMPLES and not each.left_out}
+"""Pages that print more than tables of kept cubes."""
+
+
 @pytest.mark.slow
 @pytest.mark.nightly
-def test_own_yarn_goes_from_records_to_a_map_as_printed(tmp_path, monkeypatch):
-    page = "docs/how-to/calibrate.md"
-    (tmp_path / "docs").symlink_to(ROOT / "docs")
+@pytest.mark.timeout(7200)
+@pytest.mark.parametrize("page", sorted(SIMULATED - {"README.md"}))  # its run is the first sweep's
+def test_a_page_prints_what_its_commands_print(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for example in examples(page)[:4]:
-        done = CliRunner().invoke(main, list(example.words))
-        assert done.exit_code == 0, done.output
-        lines, place = [line.rstrip() for line in done.output.splitlines()], 0
+    for folder in ("docs", "workflows"):
+        Path(folder).symlink_to(ROOT / folder)
+    Path("rib.txt").write_text("k.k.\nk k .\n", encoding="utf-8")
+    made = {example.words[1] for example in examples(page) if example.words[0] == "run"}
+    for folder in REFERENCE.iterdir():
+        if folder.is_dir() and folder.name not in made:
+            shutil.copytree(folder, Path("results") / folder.name)
+    Path("results/reference").symlink_to(REFERENCE)
+    last = max(number for number, each in enumerate(examples(page)) if each in PRINTED)
+    for example in examples(page)[: last + 1]:
+        if example.left_out:
+            continue
+        said = CliRunner().invoke(main, list(example.words))
+        lines = [line.rstrip() for line in said.output.splitlines()]
+        place = 0
         for part in split(example.printed, LEFT_OUT):
-            place = start_of(part, lines, place) + len(part)
-    assert Path("acrylic.png").is_file()
-    assert {(each.knit, each.n) for each in kl.Material.read("acrylic.toml").stripes} == {
-        ("rib", 4),
-        ("garter", 8),
-    }
+            place = start_of(part, lines, place, alike) + len(part)
+
+
+def alike(one, other):
+    """Whether lines have the same words, and numbers within 5 %."""
+    words = zip(re.split(r"[\s,:]+", one), re.split(r"[\s,:]+", other), strict=False)
+    same_count = len(one.split()) == len(other.split())
+    return same_count and all(a == b or near(a, b) for a, b in words)
+
+
+def near(one, other):
+    """Whether words are numbers within 5 %."""
+    try:
+        return float(one.strip("±%×()")) == pytest.approx(float(other.strip("±%×()")), rel=0.05)
+    except ValueError:
+        return False
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if examples(page)])
