@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import xarray as xr
-from tqdm import tqdm
 
 from knitlab.api.knitting import KnitSample, knit_sample
 from knitlab.api.single_design import SingleDesign, single_design
@@ -22,6 +21,7 @@ from knitlab.export.pieces.rows import WantedWidening
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.errors import invalid, shown
 from knitlab.io.names import named_folder
+from knitlab.io.progress import Progress
 from knitlab.model.computing import computing
 from knitlab.runs.figure_names import check_figure_suffix
 from knitlab.runs.workflow_file import Overrides
@@ -113,7 +113,7 @@ def shape(
     rounds: int = 4,
     machine: Overrides | None = None,
     results: str | Path = RESULTS,
-    progress: bool = False,
+    progress: bool = True,
     **settings: Any,
 ) -> ShapedPiece:
     """Find the chart of a piece that relaxes to a wanted outline, by simulation of the piece.
@@ -144,7 +144,7 @@ def shape(
         rounds: largest number of pieces that are simulated.
         machine: as for :func:`knitlab.knit`.
         results: folder that holds the simulated pieces, in ``shape/``.
-        progress: whether to draw a progress bar.
+        progress: whether to show progress, after two seconds.
         settings: settings of the workflow as keywords: ``n_stripe=4``.
 
     Returns:
@@ -185,11 +185,10 @@ def shape(
     if stretch:
         most = stretch if widening is None else FARTHEST * stretch
         strains = np.linspace(0, most, STRAINS).tolist()
-    with tqdm(total=rounds, unit="piece", disable=not progress) as bar:
+    with Progress("endless fabric", progress, rounds) as bar:
 
         def report(number: int, states: float) -> None:
-            bar.set_description("endless fabric" if number == 0 else f"piece {number}")
-            bar.update(max(number - 1, 0) - bar.n)
+            bar.reached(max(number - 1, 0), f"piece {number}" if number else "endless fabric")
 
         kinds = [
             kind_of_row(fabric, label, design, strains, folder, partial(report, 0))

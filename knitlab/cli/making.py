@@ -35,9 +35,7 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     Exit code 1 if no candidate meets all targets.
     """
     try:
-        designed = kl.design(
-            file, budget=budget, workers=workers, results=results, figures=True, progress=True
-        )
+        designed = kl.design(file, budget=budget, workers=workers, results=results, figures=True)
     except KeyboardInterrupt:
         click.echo("stopped: finished simulations are kept; run again to continue", err=True)
         sys.exit(options.SOME_CASE_NOT_OK)
@@ -150,7 +148,7 @@ def _kind_of_rows(text: str) -> tuple[int, int] | Literal["plain"]:
 
 
 @click.command()
-@click.argument("target", metavar="TARGET", type=FILE)
+@click.argument("target", metavar="TARGET", type=options.EXISTING)
 @option(
     "--workflow", "Workflow with the model and the design, by its name or file.", default="periodic"
 )
@@ -198,7 +196,8 @@ def shape(
     _check_outputs(outputs)
     if figure is not None:
         check_suffix(figure, options.FIGURES, "a figure")
-    piece = kl.shape(target, overrides=settings, selections=selections, progress=True, **search)
+    kl.plan(search["workflow"], settings)  # says what is invalid before JAX is imported
+    piece = kl.shape(target, overrides=settings, selections=selections, **search)
     for name, value in piece.rows():
         click.echo(f"{name:13} {value}")
     if figure is not None:
@@ -300,7 +299,7 @@ def export(
 @option("--compression-class", "Class at the narrowest place, such as ral-1, as --pressure.")
 @option("--length-ratio", "Length along the limb over the relaxed one; free by default.", float)
 @option("--thickness MM", "Thickness of the folded cloth; by default that of its shape.", float)
-@option("--sensor CUBE", "Cube of the same design with electrodes, with load = weft.", PATH)
+@option("--sensor CUBE", "Cube of the same design with electrodes, with load = weft.", options.CUBE)
 @options.table_format
 def wear(cube: Path, limb: Path, selections: dict[str, Any], style: str, **sleeve: Any) -> None:
     """List stretch, tension and pressure of a sleeve of the fabric of CUBE on a limb.

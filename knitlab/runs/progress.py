@@ -38,19 +38,24 @@ class CaseProgress:
 
     def reached(self, case_id: str, states: float, doing: str = "") -> None:
         """Record how many states of a case are done, and what is done with it after them."""
-        advance = max(self._seconds(case_id, states) - self._done[case_id], 0.0)
-        self._done[case_id] += advance
-        self._all_done += advance
+        # Those of unloading are beyond its states.
+        self._advance(case_id, states if doing else min(states, self._cases[case_id].states))
         self._progress.reached(self._all_done, self._words(doing))
 
     def ended(self, case_id: str) -> None:
         """Record that a case has ended, with whatever result."""
         self._ended += 1
-        self.reached(case_id, self._cases[case_id].states + 1)
+        self._advance(case_id, self._cases[case_id].states + 1)
+        self._progress.reached(self._all_done, self._words())
 
     def write(self, line: str) -> None:
         """Print a line above the bar."""
         self._progress.write(line)
+
+    def _advance(self, case_id: str, states: float) -> None:
+        advance = max(self._seconds(case_id, states) - self._done[case_id], 0.0)
+        self._done[case_id] += advance
+        self._all_done += advance
 
     def _seconds(self, case_id: str, states: float) -> float:
         case = self._cases[case_id]

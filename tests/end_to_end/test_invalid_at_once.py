@@ -21,6 +21,8 @@ INVALID = (
     ["shapes", "--set", "k_s_factor=0"],
     ["knit", "periodic", "--set", "foo"],
     ["knit", "nowhere"],
+    ["shape", "nowhere.svg"],
+    ["shape", "README.md", "--set", "foo"],
     ["fit", "results/reference/laboratory", "periodic", "--set", "foo"],
     ["settings", "no such word"],
     ["query", "nowhere"],

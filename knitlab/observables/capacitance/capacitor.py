@@ -75,13 +75,10 @@ def capacitances(
     coarse = np.full((states, 2), np.nan)
     coarse_level = 0
     pending = np.flatnonzero(status == CapacitorStatus.measured)
-    charts = {level: panel_chart(electrodes, shape, level) for level in LEVELS}
-    sizes = {level: len(chart.cell) for level, chart in charts.items()}
-    levels = [level for level in LEVELS if level <= LEVELS[1] or sizes[level] <= MAX_PANELS]
-    for level in each(levels, "capacitances", [sizes[level] ** 2 for level in levels]):
-        if not pending.size:
+    for level in each(LEVELS, "capacitances"):
+        chart = panel_chart(electrodes, shape, level)
+        if not pending.size or (level > LEVELS[1] and len(chart.cell) > MAX_PANELS):
             break
-        chart = charts[level]
         chosen = configurations[pending]
         panels = np.asarray(panels_on(chart, shape, chosen))
         around = surroundings(chosen, axis, capacitor)

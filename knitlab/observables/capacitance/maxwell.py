@@ -77,7 +77,7 @@ def maxwell_matrices(
     unknown = np.eye(len(electrode)) if around.polarised else member
     size = batch_size or math.ceil(len(panels) / math.ceil(len(panels) / STATES_AT_ONCE))
     batches = []
-    for first in each(range(0, len(panels), size), "capacitances"):
+    for first in each(range(0, len(panels), size), "states"):
         # The last batch is padded, as a smaller one would be compiled separately.
         batch = np.minimum(np.arange(first, first + size), len(panels) - 1)
         given = (None if one is None else one[batch] for one in (around.period, around.ground))
