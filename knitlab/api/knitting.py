@@ -233,10 +233,15 @@ def knit_sample(
     single: SingleDesign, chart: StitchChart, machine: Overrides | None = None
 ) -> KnitSample:
     """The chart of a design as a machine knits it; InputError if the machine cannot."""
-    used = read_machine(_values(machine), single.yarn)
+    used = machine_of(single, machine)
     program = knitout(chart, used)
     assumed, differences = _assumptions(single, used)
     return KnitSample(chart, used, single.gauge, program, single.prediction, assumed, differences)
+
+
+def machine_of(single: SingleDesign, machine: Overrides | None) -> Machine:
+    """The machine that knits a design; InputError if a setting of it is unknown."""
+    return read_machine(_values(machine), single.yarn)
 
 
 def _values(machine: Overrides | None) -> Mapping[str, Any] | None:

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import xarray as xr
 
-from knitlab.api.knitting import KnitSample, knit_sample
+from knitlab.api.knitting import KnitSample, knit_sample, machine_of
 from knitlab.api.single_design import SingleDesign, single_design
 from knitlab.api.sweeps import RESULTS, one_of
 from knitlab.export.knitting.stitch_chart import stitch_chart
 from knitlab.export.pieces.fitting import WIDENING_TOLERANCE, Fit, Fitting, kind_of_row
 from knitlab.export.pieces.outline import Outline, read_outline
 from knitlab.export.pieces.piece import Border, Fabric
-from knitlab.export.pieces.rows import WantedWidening
+from knitlab.export.pieces.rows import Row, WantedWidening
 from knitlab.figures.figure_files import draw_into
 from knitlab.io.errors import invalid, shown
 from knitlab.io.names import named_folder
@@ -179,6 +179,8 @@ def shape(
         widening = WantedWidening(stretch, *wanted.widening)
     elif rows:
         raise invalid("rows", "are for a target with a widening; leave them out, or add it")
+    # A machine that is not known is refused before minutes of simulation.
+    machine_of(single, machine)
     fabric = Fabric(single.case, single.gauge, single.plain, border)
     folder = named_folder(Path(results), FOLDER)
     strains = [0.0]
@@ -194,10 +196,20 @@ def shape(
             kind_of_row(fabric, label, design, strains, folder, partial(report, 0))
             for label, design in _kinds(single, rows, workflow, given, selections)
         ]
+        _check_size(wanted, 2 * fabric.patch, kinds[0])
         fitting = Fitting(fabric, kinds, wanted, widening, stretch, folder)
         found = fitting.run(rounds, report)
     best = single._replace(case=found.best.case)
     return ShapedPiece(found, knit_sample(best, stitch_chart(best.case), machine))
+
+
+def _check_size(wanted: Outline, cells: int, kind: Row) -> None:
+    width, length = wanted.size
+    cell_x, cell_y = (cells * side for side in kind.cell)
+    if width < cell_x or length < cell_y:
+        message = f"is {width:.3g} × {length:.3g} mm, less than a unit cell"
+        hint = f"({cell_x:.3g} × {cell_y:.3g} mm); give a larger one, or a smaller n_subunit"
+        raise invalid("target", f"{message} {hint}")
 
 
 def _kinds(

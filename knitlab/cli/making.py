@@ -1,6 +1,8 @@
 """Commands towards a sample: ``design``, ``knit``, ``shape``, ``read``, ``export``, ``wear``."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,6 +16,16 @@ from knitlab.io.names import check_suffix
 
 if TYPE_CHECKING:
     from knitlab.api.knitting import KnitSample
+
+
+@contextmanager
+def _continuable() -> Iterator[None]:
+    """A search that keeps its simulations if it is interrupted."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        click.echo("stopped: finished simulations are kept; run again to continue", err=True)
+        sys.exit(options.SOME_CASE_NOT_OK)
 
 
 @click.command()
@@ -34,11 +46,8 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     run again.
     Exit code 1 if no candidate meets all targets.
     """
-    try:
+    with _continuable():
         designed = kl.design(file, budget=budget, workers=workers, results=results, figures=True)
-    except KeyboardInterrupt:
-        click.echo("stopped: finished simulations are kept; run again to continue", err=True)
-        sys.exit(options.SOME_CASE_NOT_OK)
     is_table = style == "table"
     if is_table:
         for number, target in enumerate(designed.request.wanted, start=1):
@@ -197,7 +206,8 @@ def shape(
     if figure is not None:
         check_suffix(figure, options.FIGURES, "a figure")
     kl.plan(search["workflow"], settings)  # says what is invalid before JAX is imported
-    piece = kl.shape(target, overrides=settings, selections=selections, **search)
+    with _continuable():
+        piece = kl.shape(target, overrides=settings, selections=selections, **search)
     for name, value in piece.rows():
         click.echo(f"{name:13} {value}")
     if figure is not None:

@@ -69,7 +69,9 @@ class Outline:
         the ``name``, if the places do not ascend, a width is not above 0 or a strain is none.
         """
         half, at = np.asarray(width, float) / 2, np.asarray(length, float)
-        if half.shape != at.shape or len(at) < 2 or not (np.diff(at) > 0).all():
+        if len(at) < 2:
+            raise invalid(name, f"has {len(at)} rows; give the width at two places or more")
+        if half.shape != at.shape or not (np.diff(at) > 0).all():
             raise invalid(name, "has lengths that do not ascend; give each once, with its width")
         if not (half > 0).all():
             raise invalid(name, f"has a width of {2 * half.min():g} mm; give all above 0")
@@ -175,8 +177,12 @@ def _lines(element: Any) -> Iterator[Points]:
         points = []
         for segment in part:
             if isinstance(segment, Move):
+                points.append(segment.end)
                 continue
             pieces = 1 if isinstance(segment, Line | Close) else CURVE_POINTS
             points += [segment.point(float(at)) for at in np.linspace(0, 1, pieces + 1)[1:]]
-        if len(points) > 2:
-            yield np.array([(point.x, point.y) for point in points])
+        corners = np.array([(point.x, point.y) for point in points])
+        if len(points) > 1 and points[0] == points[-1]:
+            corners = corners[:-1]
+        if len(corners) > 2:
+            yield corners

@@ -38,6 +38,20 @@ def test_a_drawn_circle_has_its_chords(tmp_path, inside, size):
     np.testing.assert_allclose(left, -right, atol=1e-3)
 
 
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<path d="M20 10 h60 v60 h-60"/>',
+        '<path d="M20 10 h60 v60 h-60 z"/>',
+        '<polyline points="20,10 80,10 80,70 20,70"/>',
+        '<rect x="20" y="10" width="60" height="60"/>',
+    ],
+)
+def test_a_line_that_is_not_closed_is_closed_as_if_it_were_filled(tmp_path, inside):
+    left, right = read_outline(drawn(tmp_path, inside)).edges(np.array([1.0, 59.0]))
+    np.testing.assert_allclose([left, right], [[-30, -30], [30, 30]], rtol=1e-5)
+
+
 def test_a_drawing_has_its_top_above_its_bottom(tmp_path):
     outline = read_outline(drawn(tmp_path, '<path d="M40 10 L60 10 L90 70 L10 70 Z"/>'))
     left, right = outline.edges(np.array([0.0, 60.0]))
@@ -106,7 +120,11 @@ def test_what_is_no_drawing_is_refused(tmp_path):
 
 @pytest.mark.parametrize(
     ("length", "width", "words"),
-    [([0, 0], [10, 20], ("ascend",)), ([0, 10], [10, 0], ("0 mm", "above 0"))],
+    [
+        ([5], [10], ("1 row", "two")),
+        ([0, 0], [10, 20], ("ascend",)),
+        ([0, 10], [10, 0], ("0 mm", "above 0")),
+    ],
 )
 def test_widths_that_make_no_outline_are_refused(length, width, words):
     with refused("outline", *words):
