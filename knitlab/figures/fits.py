@@ -76,6 +76,7 @@ def fit_figure(fit: "Fit", title: str) -> Figure:
             below.plot(strain, (curves[column] - values) / errors, ".", ms=3, color=colour)
         below.set_yscale("symlog", linthresh=3)
         below.set_yticks((-10, 0, 10), ("−10", "0", "10"))
+        below.minorticks_off()
         below.set_xlabel(STRAIN_LABEL)
         if column == 0:
             below.set_ylabel("difference\nover error [1]")

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from PIL import Image
 import knitlab as kl
 from knitlab.figures.drawing import draw
 from knitlab.figures.figure_files import draw_into, requested_figures
+from knitlab.figures.fits import fit_figure
 from knitlab.figures.nearest_designs import nearest_figure, pareto_figure
 from knitlab.figures.registry import figure_kind
 from knitlab.figures.stability import branches_figure, shapes_figure
@@ -262,6 +264,22 @@ def pareto() -> Figure:
     return pareto_figure(trials, ("poisson_ratio = -0.6 ± 0.02", "knit_cell_x <= 40"), searches)
 
 
+def fitted() -> Figure:
+    strain = np.linspace(0.01, 0.36, 19)
+    curves = np.array([strain * (1 - strain), strain, 10 * strain**2])
+    target = SimpleNamespace(applied_strain=strain, values=curves, errors=0.01 * (curves + 0.1))
+    names = [
+        f"{knit}_{number}" for knit in ("rib", "garter") for number in ("k_s", "k_t", "theta_0")
+    ]
+    fit = SimpleNamespace(
+        target=target,
+        curves=(1.2 * curves, 1.005 * curves),
+        factors=dict(zip(names, np.linspace(0.8, 1.2, 6), strict=True)),
+        standard_errors=dict.fromkeys(names, 0.05),
+    )
+    return fit_figure(fit, "n_stripe 4, n_subunit 16, fitted to synthetic_4_16")
+
+
 @pytest.mark.parametrize(
     "figure",
     [
@@ -270,8 +288,9 @@ def pareto() -> Figure:
         lambda: shapes_figure(shapes(1)),
         found,
         pareto,
+        fitted,
     ],
-    ids=["branches", "shapes", "shape", "found", "pareto"],
+    ids=["branches", "shapes", "shape", "found", "pareto", "fitted"],
 )
 @pytest.mark.slow
 def test_figures_of_searches_can_be_read(figure):
