@@ -30,6 +30,24 @@ LIMB = Limb(np.arange(3.0), AROUND)
 RAISED = Limb(LIMB.height, AROUND + 5 * np.pi)
 
 
+@pytest.mark.slow
+@pytest.mark.nightly
+def test_a_sleeve_held_in_length_is_tight_as_a_test_that_holds_the_wales(tmp_path):
+    """The law was not fitted to it: its tests do not enclose this one from 9 % on."""
+    design = kl.Design(4, 16, boundary="periodic")
+    protocol = kl.Protocol(load="biaxial", load_ratio=100.0, strain_max=0.0021, strain_step=3e-4)
+    held = kl.simulate(design, protocol=protocol).isel(applied_strain=slice(1, None))
+    around = 1 + held["mean_strain_xx"].values
+    per_length = held["reaction_force_across"] / held["relaxed_cell_y"]
+    factor = np.sqrt(  # mm of cloth per mm of the network
+        held["knit_cell_x"] * held["knit_cell_y"] / held["relaxed_cell_x"] / held["relaxed_cell_y"]
+    )
+    limb = limb_of(tmp_path / "limb.csv", *(7 * float(held["knit_cell_x"]) * around))
+    table = kl.wear(LAW, limb, needles=224, thickness=0, length_ratio=1.0)
+    np.testing.assert_allclose(table["tension"], (per_length / factor).values, rtol=0.065)
+    assert not table["between"][2:].any()
+
+
 def limb_of(path, *around):
     lines = [f"{80 * number},{each}" for number, each in enumerate(around)]
     path.write_text("\n".join(["height [mm],circumference [mm]", *lines]))
