@@ -282,6 +282,8 @@ def wear(
     if [needles, pressure, compression_class].count(None) != 2:
         message = "need exactly one value between them; give one"
         raise invalid("needles, pressure, compression_class", message)
+    if thickness is not None and not thickness >= 0:
+        raise invalid("thickness", f"is {thickness:g} mm; give 0 or more")
     wanted = None if compression_class is None else class_of(compression_class)
     opened, shape = as_cube(cube), read_limb(Path(limb))
     selections = {**selections, **named}

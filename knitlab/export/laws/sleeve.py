@@ -80,7 +80,7 @@ def thickness_of(cube: xr.Dataset, design: xr.Dataset) -> float:
         relaxed = selected_case(cube, labels)["position"].isel({STRAIN: 0})
     except InputError as error:
         message = "has no shape of this design, which says how thick the cloth is"
-        hint = "keep its case files beside it, or give thickness, in mm"
+        hint = "keep its case files beside it, or give thickness = MM"
         raise invalid(cube_name(cube), f"{message}; {hint}") from error
     return float(np.ptp(relaxed.sel(component="z").values))
 

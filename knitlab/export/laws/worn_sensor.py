@@ -29,23 +29,24 @@ TOLERANCE = 1e-3  # of sizes that were simulated twice, relative
 
 def sensor_of(cube: xr.Dataset, design: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     """The pull along the courses of a cube with electrodes, of a design; InputError if none is."""
-    require(cube, NEEDED, "a sensor on a limb")
+    name = cube_name(cube) or "sensor"
+    require(cube, NEEDED, "sensors on a limb", name)
     rows = [cube]
     if not is_case(cube):
-        known = {name: value for name, value in selections.items() if name in cube.dims}
+        known = {dim: value for dim, value in selections.items() if dim in cube.dims}
         stacked = select(cube, known).stack(test=design_dims(cube))
         rows = [stacked.isel(test=number) for number in range(stacked.sizes["test"])]
     alike = [row for row in rows if _is_alike(row, design)]
     if not alike:
         message = "has no test of the design of the law; simulate that with electrodes"
-        raise invalid(cube_name(cube) or "sensor", f"{message} and load = weft")
+        raise invalid(name, f"{message} and load = weft")
     pulls = [row for row in alike if float(row.get("load_direction", ALONG_WALES)) == 0]
     if not pulls:
         message = "has no pull along the courses, as a limb pulls; simulate it with load = weft"
-        raise invalid(cube_name(cube) or "sensor", message)
+        raise invalid(name, message)
     if len(pulls) > 1:
         message = f"has {len(pulls)} such pulls; give a cube with one layout of electrodes"
-        raise invalid(cube_name(cube) or "sensor", message)
+        raise invalid(name, message)
     return pulls[0]
 
 

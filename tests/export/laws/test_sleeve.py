@@ -139,6 +139,8 @@ def test_a_sensor_of_another_design_or_pull_is_refused(sensor):
     design = sensor.squeeze().sel(sample=1)
     with refused("design", "load = weft"):
         sensor_of(sensor, design.assign(rib_k_s=1.1 * design["rib_k_s"]), {})
+    with refused("law", "capacitance", "give"):
+        sensor_of(kl.open_cube(LAW), design, {})
     with refused("courses", "load = weft"):
         sensor_of(sensor.isel(sample=slice(1, None)), design, {})
     with refused("electrodes", "layout"):
@@ -150,6 +152,8 @@ def test_what_cannot_be_worn_is_refused(tmp_path):
     path.write_text("height [mm],circumference [mm]\n0,240\n80,260\n")
     with refused("needles", "pressure", "one"):
         kl.wear(LAW, path)
+    with refused("thickness", "-3", "0 or more"):
+        kl.wear(LAW, path, needles=224, thickness=-3)
     path.write_text("height [cm],circumference [cm]\n0,24\n8,26\n")
     with refused("height", "cm", "mm"):
         kl.wear(LAW, path, needles=200)
