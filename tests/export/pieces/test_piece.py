@@ -134,6 +134,7 @@ def test_without_what_is_cut_off_a_fabric_has_the_energy_of_the_rest():
     assert float(of_cut.fold) == pytest.approx(float(expected.fold), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_rectangle_cut_out_of_a_fabric_behaves_as_that_rectangle():
     """Exactly: the same network, so the same equilibria, forces and strains."""
     half = cut_case(tuple((0, 8) for _ in range(16)))
