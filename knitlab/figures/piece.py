@@ -58,6 +58,6 @@ def _draw_errors(axes: Axes, fit: "Fit") -> None:
         rounds, [each.error if each.outline else np.nan for each in fit.rounds], "o-", color="0.2"
     )
     axes.axhline(1, color="0.5", ls="--", lw=0.8)
-    of = "unit cell" if fit.widening is None else "tolerance"
+    of = "unit cells" if fit.widening is None else "tolerances"
     axes.set(xlabel="round", ylabel=f"distance from what is wanted [{of}]", xticks=rounds)
     axes.set_ylim(bottom=0)

@@ -152,7 +152,7 @@ class Fitting:
             window = 2 * self.fabric.patch
             shaped = self._views(case, trial.results)[-1 if self.widening is None else 0]
             factor = shaped.scale.smooth(window).over(endless.smooth(window))
-            if aim is not None:
+            if aim is not None and done[-1].widening_error > WIDENING_TOLERANCE:
                 aim = self._corrected(aim, done[-1])
             if len(done) > 1 and done[-1].error > GAIN * done[-2].error:
                 ended = "a further round gained less than 5 %"
