@@ -59,7 +59,8 @@ def requested_figures(
     number = math.prod(cube.sizes[dim] for dim in swept)
     if number > 1 and number * len(sliced_names) > MAX_FILES:
         several = [dim for dim in swept if cube.sizes[dim] > 1]
-        instead = [COMPARING.get(dim, "swept") for dim in several] if len(several) == 1 else []
+        compared = len(several) == 1 and bool(cube["poisson_ratio_min"].notnull().any())
+        instead = [COMPARING.get(dim, "swept") for dim in several if compared]
         shown = f", but {instead[0]}" if instead else ""
         message = f"{', '.join(sliced_names)} are not drawn for each of {number} values{shown}"
         mistakes.append(Mistake("figures", f"{message}; draw one by knitlab map with a selection"))

@@ -6,7 +6,6 @@ from matplotlib.figure import Figure
 
 from knitlab.cubes.cube_file import base_dims, swept_dims
 from knitlab.figures import style
-from knitlab.figures.cells import not_run
 from knitlab.figures.kinds.grid import with_number
 from knitlab.figures.registry import figure
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, Look, number, subplots
@@ -38,7 +37,7 @@ def swept(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     rows = rows.isel(design=(rows["status"] != Status.excluded).any(setting).values)
     names = [f"({', '.join(map(str, design))})" for design in rows["design"].values]
     if not np.isfinite(rows[of].where(rows["status"] == Status.ok)).any():
-        raise not_run()
+        raise invalid("of", f"{of} has no value in this selection; choose another variable")
     figure, axes = subplots(max(2.4, 1.1 + 0.16 * len(names)))
     for k, value in enumerate(rows[setting].values):
         one = rows.isel({setting: k})
