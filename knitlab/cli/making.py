@@ -320,6 +320,7 @@ def wear(cube: Path, limb: Path, selections: dict[str, Any], style: str, **sleev
     options.check_selected(cube, selections)
     table = kl.wear(cube, limb, selections, **sleeve)
     options.show(table, style)
+    options.echo_report([], table.attrs["unread"])
     click.echo(f"needles {table.attrs['needles']}", err=style != "table")
     if "class" in table.attrs:
         click.echo(f"class   {table.attrs['class']}", err=style != "table")

@@ -41,6 +41,7 @@ class Limb:
 
     height: Float[np.ndarray, " place"]  # [mm]
     circumference: Float[np.ndarray, " place"]  # [mm]
+    unread: tuple[str, ...] = ()  # a sentence on what was not read of its file
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +57,11 @@ class Knit:
 
 def read_limb(path: Path) -> Limb:
     """The heights and circumferences of a limb in a table; InputError has every mistake."""
-    columns = read_columns(path, {"height": "mm", "circumference": "mm"}, EXAMPLE).numbers
+    columns, unread = read_columns(path, {"height": "mm", "circumference": "mm"}, EXAMPLE)
     height, around = columns["height"], columns["circumference"]
     if not (around > 0).all():
         raise invalid(str(path), f"has a circumference of {around.min():g} mm; give all above 0")
-    return Limb(height, around)
+    return Limb(height, around, unread)
 
 
 def knit_of(law: Law, design: xr.Dataset, thickness: float) -> Knit:
@@ -91,6 +92,7 @@ def worn(knit: Knit, limb: Limb, needles: int, length_ratio: float | None = None
         {"height": height} | _place(knit, around, needles, length_ratio)
         for height, around in zip(limb.height, limb.circumference, strict=True)
     )
+    table.attrs["unread"] = limb.unread
     table.attrs["units"] = {
         "height": "mm",
         "circumference": "mm",

@@ -16,14 +16,12 @@ from knitlab.observables.schema import STRAIN
 NEEDED = ("capacitance", "relaxed_cell_x", "relaxed_cell_y")
 SAME_DESIGN = (
     *("n_stripe", "n_subunit", "relaxed_cell_x", "relaxed_cell_y", "knit_cell_x", "knit_cell_y"),
-    *(
-        f"{knit}_{name}"
-        for knit in ("rib", "garter")
-        for name in ("period", "k_s", "k_t", "theta_0")
-    ),
+    *("rib_period", "rib_k_s", "rib_k_t", "rib_theta_0"),
+    *("garter_period", "garter_k_s", "garter_k_t", "garter_theta_0"),
 )
 """Labels, sizes and stripes by which two cubes have the same design."""
 ALONG_WALES = 90.0  # direction of a pull from the courses, if a cube has no other [degree]
+FEWEST = 2  # strains
 TOLERANCE = 1e-3  # of sizes that were simulated twice, relative
 
 
@@ -47,7 +45,12 @@ def sensor_of(cube: xr.Dataset, design: xr.Dataset, selections: Mapping[str, Any
     if len(pulls) > 1:
         message = f"has {len(pulls)} such pulls; give a cube with one layout of electrodes"
         raise invalid(name, message)
-    return pulls[0]
+    known = np.isfinite(pulls[0]["capacitance"].values)
+    reached = len(known) if known.all() else int(known.argmin())
+    if reached < FEWEST:
+        message = f"has a capacitance at {reached} strains from rest on, and {FEWEST} are needed"
+        raise invalid(name, f"{message}; choose another layout")
+    return pulls[0].isel({STRAIN: slice(reached)})
 
 
 def _is_alike(row: xr.Dataset, design: xr.Dataset) -> bool:
@@ -57,8 +60,7 @@ def _is_alike(row: xr.Dataset, design: xr.Dataset) -> bool:
 
 def add_readings(table: pd.DataFrame, sensor: xr.Dataset) -> None:
     """Add the capacitance [pF], its change from the relaxed one, and its slope by the stretch."""
-    known = sensor["capacitance"].dropna(STRAIN)
-    strain, capacitance = known[STRAIN].values, known.values
+    strain, capacitance = sensor[STRAIN].values, sensor["capacitance"].values
     stretch = table["stretch"].clip(lower=0)
     beyond = stretch > strain[-1]
     columns = {

@@ -139,6 +139,9 @@ def test_a_sensor_of_another_design_or_pull_is_refused(sensor):
     design = sensor.squeeze().sel(sample=1)
     with refused("design", "load = weft"):
         sensor_of(sensor, design.assign(rib_k_s=1.1 * design["rib_k_s"]), {})
+    closed = sensor.assign(capacitance=sensor["capacitance"].where(sensor["applied_strain"] == 0))
+    with refused("1 strains", "2", "layout"):
+        sensor_of(closed, design, {})
     with refused("law", "capacitance", "give"):
         sensor_of(kl.open_cube(LAW), design, {})
     with refused("courses", "load = weft"):
@@ -168,6 +171,8 @@ def test_what_cannot_be_worn_is_refused(tmp_path):
 @pytest.mark.slow
 def test_the_command_says_where_a_sleeve_is_stretched_beyond_the_tests(tmp_path):
     path = limb_of(tmp_path / "limb.csv", 250, 400)
+    path.write_text(f"{path.read_text()}\n\nmean,325\n")
     said = knitlab("wear", LAW, "--limb", path, "--needles", 240, "--format", "csv")
+    assert "not read" in said.stderr
     assert said.exit_code == 1
     assert [line.rpartition(",")[2] for line in said.stdout.splitlines()[1:3]] == ["True", "False"]
