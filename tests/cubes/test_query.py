@@ -12,6 +12,7 @@ from knitlab.cubes.condition import holds
 from knitlab.cubes.query import designs_of_all, designs_table, formatted, queried, query_cubes
 from knitlab.io.errors import InputError
 from tests.cubes.artificial_cubes import synthetic_cube
+from tests.refusals import refused
 
 TABLE = designs_table(synthetic_cube())
 
@@ -88,6 +89,14 @@ def test_what_is_missing_fulfils_neither_a_condition_nor_its_negation(values, si
     false = [value is not None and not each for value, each in zip(values, true, strict=True)]
     assert holds(said, table).tolist() == true
     assert holds(f"not {said}", table).tolist() == false
+
+
+def test_columns_may_be_one_text():
+    cube = synthetic_cube()
+    listed = ["n_stripe", "mean(poisson_ratio, 0.1:0.2)"]
+    assert list(query_cubes([cube], columns=", ".join(listed)).columns) == listed
+    with refused("nu"):
+        query_cubes([cube], columns="nu")
 
 
 @given(st.permutations([0, 1, 1, 2]), st.permutations([5, 5, 6, 7]))

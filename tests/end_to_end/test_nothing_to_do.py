@@ -65,6 +65,12 @@ def test_a_second_run_imports_none_of_the_slow_libraries(results):
     assert said.stdout.splitlines()[-1] == "set()", said.stderr
 
 
+def test_a_finished_run_refuses_what_is_invalid(results):
+    for words in (["--set", "foo"], ["--set", "foo=3"], ["--case-timeout", "1e99"]):
+        said = CliRunner().invoke(main, [*WORDS, "--results", str(results), *words])
+        assert said.exit_code == 2, said.output
+
+
 def test_only_a_figure_that_is_missing_is_drawn(results):
     before = written(results)
     lost = results / "periodic" / "figures" / "auxetic.png"

@@ -16,8 +16,9 @@ from knitlab.runs import results_folder
 from knitlab.runs.plan import make_plan
 from knitlab.runs.recorded_plan import changed_inputs, read_plan
 from knitlab.runs.results_folder import CaseState
-from knitlab.runs.status import folder_status
+from knitlab.runs.status import folder_status, status
 from knitlab.solvers.case import case_of
+from tests.refusals import refused
 from tests.runs import fake_simulator
 from tests.runs.fake_simulator import ran
 
@@ -51,6 +52,28 @@ def test_new_designs_are_added_to_a_cube_whose_values_stay_bitwise_equal(tmp_pat
     again = ran(planned(*PAIRS), tmp_path)
     assert again.simulated == ()
     xr.testing.assert_identical(again.cube.drop_attrs(), more.cube.drop_attrs())
+
+
+def test_a_folder_holds_one_grid_of_strains(tmp_path):
+    folder = tmp_path / "results" / "periodic"
+    before = ran(planned(*PAIRS), folder).cube
+    finer = ("n_stripe=4", "strain_max=0.06", "strain_step=0.02")
+    for designs in ("n_subunit=32", "n_subunit=16,24,32"):
+        with refused(str(folder), "strains", f"{tmp_path / 'results'}-2"):
+            ran(planned(designs, *finer), folder)
+    with refused("strains"):  # those of n_subunit 24 would stay
+        ran(planned("n_subunit=16", *finer), folder, refresh=True)
+    xr.testing.assert_equal(read_cube(folder), before)
+    stale = ran(planned("n_subunit=16", *finer), folder)
+    assert "refresh" in stale.remarks(("n_stripe", "n_subunit"), folder)[-1]
+    refreshed = ran(planned("n_subunit=16,24", *finer), folder, refresh=True).cube
+    assert refreshed["applied_strain"].values.tolist() == [0, 0.02, 0.04, 0.06]
+
+
+def test_status_takes_the_folder_of_a_workflow_too(tmp_path):
+    ran(planned(*PAIRS), tmp_path / "periodic")
+    of_folder = status(tmp_path / "periodic")
+    assert of_folder.statuses == status("periodic", results=tmp_path).statuses
 
 
 def test_a_longer_test_of_new_designs_lengthens_the_cube(tmp_path):

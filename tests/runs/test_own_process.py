@@ -25,6 +25,8 @@ from knitlab.runs.run_options import RunOptions
 from knitlab.runs.run import run_plan
 from tests.runs.fake_simulator import plan_of, simulate
 
+import scipy.io  # a library below it sets a variable of the environment when it is imported
+
 before = state()
 done = run_plan(plan_of(), Path("results"), RunOptions(workers=2, simulate=simulate))
 after = state()
