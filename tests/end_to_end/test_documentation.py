@@ -176,7 +176,7 @@ def python_of(page):
 
 
 LONG = {
-    *("docs/how-to/design.md", "docs/how-to/uncertainty.md"),
+    *("docs/how-to/design.md", "docs/how-to/shape.md", "docs/how-to/uncertainty.md"),
     *("docs/tutorials/elbow.md", "docs/tutorials/sleeve.md"),
 }
 """Pages whose Python takes long, and is tested nightly."""

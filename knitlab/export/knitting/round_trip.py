@@ -53,7 +53,8 @@ def round_trip(
     if interpret is False or not find_spec("knitout_interpreter"):
         notes.append("interpreter: not run; install it by pip install knitlab[knitting]")
     elif interpret is None and length > MAX_OPERATIONS:
-        notes.append(f"interpreter: not run, as {length} operations take long; check fewer repeats")
+        message = f"interpreter: not run, as {length} operations take long; check fewer repeats"
+        notes.append(f"{message}, or a smaller piece")
     else:
         try:
             differences = _differences(interpreted(program), chart, machine)
