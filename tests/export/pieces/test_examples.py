@@ -8,7 +8,7 @@ import pytest
 
 import knitlab as kl
 from knitlab.api.single_design import single_design
-from knitlab.export.pieces.piece import Fabric, finished
+from knitlab.export.pieces.piece import Fabric, PlanView
 from knitlab.model.computing import computing
 from knitlab.solvers.methods import METHODS
 
@@ -44,5 +44,5 @@ def test_a_piece_keeps_its_outline_from_another_start_and_on_a_finer_grid(target
             test = METHODS["equilibrium"].stretch([case], lambda *_: None, imperfection=seed)[0]
         assert test.states[0].converged
         positions = np.asarray(test.states[0].configuration.positions)
-        outline, _ = finished(case, positions, cloth)
+        outline = PlanView(case, positions[..., :2] * cloth).outline
         assert outline.centred_on(best.outline).distance(best.outline) < most * min(best.cell)
