@@ -80,7 +80,7 @@ def settings(word: str = "") -> list[SettingLine]:
 
     Example:
         >>> [setting.name for setting in kl.settings("z_max")]
-        ['z_max', 'z_max_factor']
+        ['z_max', 'thickness', 'z_max_factor']
     """
     parameters = defaults()
     stated: dict[str, Any] = {}
