@@ -154,10 +154,10 @@ class Fitting:
             factor = shaped.scale.smooth(window).over(endless.smooth(window))
             if aim is not None and done[-1].widening_error > WIDENING_TOLERANCE:
                 aim = self._corrected(aim, done[-1])
-            if len(done) > 1 and done[-1].error > GAIN * done[-2].error:
+            near_enough = min(each.error for each in done) < 1
+            if near_enough and len(done) > 1 and done[-1].error > GAIN * done[-2].error:
                 ended = "a further round gained less than 5 %"
-                if min(each.error for each in done) < 1:
-                    break
+                break
         return Fit(self.wanted, self.widening, tuple(done), ended)
 
     def _rows(self, factor: Scale, aim: WantedWidening | None) -> list[Row]:
