@@ -16,6 +16,7 @@ from knitlab.observables.schema import STRAIN
 LARGE_SPREAD = 0.05  # of Poisson's ratio over perturbed copies of a design: the map states it
 SPREAD_NOTE = "spread: difference in ν between slightly different fabrics, docs/how-to/spread.md"
 FORCE = "force_per_width"
+RATIOS = ("poisson_ratio", "poisson_ratio_min")
 NO_RATIO = "no ratio: not stretched, or a single clamped cell"
 
 
@@ -61,8 +62,8 @@ def auxetic(cubes: Sequence[xr.Dataset]) -> Figure:
 
 def _forces(cubes: Sequence[xr.Dataset]) -> Figure | None:
     """Map of the force at the largest strain, of tests that have it and no Poisson's ratio."""
-    known = [name for name in ("poisson_ratio", FORCE) for cube in cubes if _any(cube, name)]
-    if known != [FORCE] * len(cubes):
+    has_ratio = any(_any(cube, name) for name in RATIOS for cube in cubes)
+    if has_ratio or not all(_any(cube, FORCE) for cube in cubes):
         return None
     shown = [10 * cube[[FORCE]].isel({STRAIN: -1}) for cube in cubes]
     shown = [one.assign(status=cube["status"]) for one, cube in zip(shown, cubes, strict=True)]
