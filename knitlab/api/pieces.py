@@ -158,7 +158,7 @@ def shape(
         >>> square = kl.Outline.of_widths([0, 40], [40, 40])
         >>> piece = kl.shape(square, n_stripe=2, n_subunit=8, rounds=1, results=folder)
         >>> piece.sample.chart.courses, len(piece.fit.rounds)
-        (128, 1)
+        (64, 1)
     """
     if not 0 <= stretch <= MAX_STRETCH:
         raise invalid("stretch", f"is {stretch:g}; give a strain from 0 to {MAX_STRETCH:g}")
