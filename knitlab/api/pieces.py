@@ -82,9 +82,9 @@ class ShapedPiece:
             yield "widening", f"within {best.widening_error:.2g} of the wanted strain, {tolerance}"
             for row, group in groupby(best.rows[::-1], key=lambda row: row.label):
                 yield "rows", f"{len(list(group))} × {row}"
-        yield "piece", chart.size
         wales = np.diff(chart.edges, axis=1)
-        yield "wales", f"{wales.min()} to {wales.max()}"
+        of_course = f"{wales.min()} to {wales.max()}" if wales.min() < wales.max() else wales.max()
+        yield "piece", f"{chart.title}: {chart.courses} courses, {of_course} wales"
 
     def figure(self) -> "Figure":
         """The wanted outline, and those of all rounds."""
@@ -107,7 +107,7 @@ def shape(
     overrides: Sequence[str] = (),
     selections: Mapping[str, Any] = {},
     *,
-    border: Border = "whole",
+    border: Border = "cut",
     stretch: float = 0.0,
     rows: Sequence[tuple[int, int] | Literal["plain"]] = (),
     rounds: int = 4,
@@ -135,8 +135,8 @@ def shape(
         workflow: the workflow with the model and the design; its tests are not run.
         overrides: settings of it as text: ``["n_stripe=4", "n_subunit=16"]``.
         selections: a value for each coordinate of the workflow, until one design is left.
-        border: how patches end at the outline: ``"whole"``, none is cut; ``"cut"``, along the
-            grid; ``"plain"``, those that it cuts are plain knit.
+        border: how patches end at the outline: ``"cut"``, along the grid, ``"whole"``, none
+            is cut, or ``"plain"``, those that it cuts are plain knit.
         stretch: applied strain at which the piece is to have the outline, 0 for the relaxed piece,
             or the widening.
         rows: with a widening, the further kinds of rows that the piece may have, beside its own:

@@ -165,9 +165,9 @@ def _kind_of_rows(text: str) -> tuple[int, int] | Literal["plain"]:
 @options.settings
 @option(
     "--border",
-    "How patches end at the outline: none is cut, cut along the grid, or those cut are plain.",
-    ["whole", "cut", "plain"],
-    default="whole",
+    "How patches end at the outline: cut along the grid, none is cut, or those cut are plain.",
+    ["cut", "whole", "plain"],
+    default="cut",
 )
 @option(
     "--stretch", "Applied strain at which the piece is to have the outline.", float, default=0.0

@@ -131,7 +131,7 @@ class Fitting:
     def run(self, rounds: int, report: Report) -> Fit:
         """Pieces until one is near enough, or does not come nearer."""
         done: list[Round] = []
-        ended = f"the limit of {rounds} rounds was reached"
+        ended = f"the limit of rounds, {rounds}, was reached"
         factor, aim = UNCHANGED, self.widening
         # Without a widening the piece has the outline when it is stretched.
         strain = self.strain if aim is None else aim.stretch
