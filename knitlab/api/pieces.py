@@ -179,8 +179,11 @@ def shape(
         widening = WantedWidening(stretch, *wanted.widening)
     elif rows:
         raise invalid("rows", "are for a target with a widening; leave them out, or add it")
+    if single.case.capacitor is not None:
+        message = "has electrodes, which a piece cannot have yet; take a workflow without them"
+        raise invalid(f"workflow {workflow}", message)
     # A machine that is not known is refused before minutes of simulation.
-    machine_of(single, machine)
+    needles = machine_of(single, machine).needles
     fabric = Fabric(single.case, single.gauge, single.plain, border)
     folder = named_folder(Path(results), FOLDER)
     strains = [0.0]
@@ -196,16 +199,21 @@ def shape(
             kind_of_row(fabric, label, design, strains, folder, partial(report, 0))
             for label, design in _kinds(single, rows, workflow, given, selections)
         ]
-        _check_size(wanted, 2 * fabric.patch, kinds[0])
+        _check_size(wanted, fabric, kinds[0], needles)
         fitting = Fitting(fabric, kinds, wanted, widening, stretch, folder)
         found = fitting.run(rounds, report)
     best = single._replace(case=found.best.case)
     return ShapedPiece(found, knit_sample(best, stitch_chart(best.case), machine))
 
 
-def _check_size(wanted: Outline, cells: int, kind: Row) -> None:
+def _check_size(wanted: Outline, fabric: Fabric, kind: Row, needles: int) -> None:
     width, length = wanted.size
-    cell_x, cell_y = (cells * side for side in kind.cell)
+    cell_x, cell_y = (2 * fabric.patch * side for side in kind.cell)
+    wales = width / cell_x * fabric.case.stitches.wales_in_cell
+    if wales > needles:
+        message = f"is {width:.3g} mm wide, for which some {wales:.0f} needles are needed, and the"
+        hint = f"machine has {needles}; give a narrower one, or knit it in parts"
+        raise invalid("target", f"{message} {hint}")
     if width < cell_x or length < cell_y:
         message = f"is {width:.3g} × {length:.3g} mm, less than a unit cell"
         hint = f"({cell_x:.3g} × {cell_y:.3g} mm); give a larger one, or a smaller n_subunit"

@@ -24,6 +24,19 @@ def test_a_target_below_a_unit_cell_is_refused(tmp_path):
         kl.shape(tiny, n_stripe=2, n_subunit=8, results=tmp_path)
 
 
+@pytest.mark.slow
+def test_a_target_wider_than_the_machine_is_refused_before_the_search(tmp_path):
+    wide = kl.Outline.of_widths([0, 40], [900, 900])
+    with refused("target", "900 mm", "360"):
+        kl.shape(wide, n_stripe=2, n_subunit=8, results=tmp_path)
+    assert len([*tmp_path.rglob("*.nc")]) == 1
+
+
+def test_electrodes_of_a_workflow_are_not_left_out_silently(tmp_path):
+    with refused("sensor", "electrodes", "without"):
+        kl.shape(SQUARE, "sensor", n_stripe=4, n_subunit=16, results=tmp_path)
+
+
 def test_an_interrupted_search_says_how_it_goes_on(monkeypatch, tmp_path):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
