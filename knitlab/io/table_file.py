@@ -143,10 +143,13 @@ def read_columns(
     example: str,
     optional: Collection[str] = (),
     choice: Choice | None = None,
+    *,
+    converts: bool = False,
 ) -> Columns:
     """Numbers of columns by name, whether or not the header adds a unit in brackets.
 
     ``names`` have the unit of each, or ``None``; ``optional`` columns are read if they are numbers.
+    Another unit in a header is refused, as the user has stated one, or it is converted.
     """
 
     def fits(headers: list[str]) -> bool:
@@ -161,8 +164,12 @@ def read_columns(
                 message = f"is missing; the file has {', '.join(headers)}; {example}"
                 message = "occurs twice; export it once" if known else message
                 raise invalid(f"{path}: column {name}", message)
-            _check_unit(f"{path}: column {name}", headers[known[0]], names.get(name))
+            where, header, unit = f"{path}: column {name}", headers[known[0]], names.get(name)
             columns[name] = column_numbers(path, name, rows[known[0]])
+            if converts and unit is not None and (given := name_and_unit(header)[1]):
+                columns[name] = columns[name] * unit_factor(where, given, unit, f"such as {unit}")
+            else:
+                _check_unit(where, header, unit)
     raise_if_any(mistakes.all)
     return Columns(columns, unread)
 

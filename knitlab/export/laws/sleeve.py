@@ -57,7 +57,9 @@ class Knit:
 
 def read_limb(path: Path) -> Limb:
     """The heights and circumferences of a limb in a table; InputError has every mistake."""
-    columns, unread = read_columns(path, {"height": "mm", "circumference": "mm"}, EXAMPLE)
+    columns, unread = read_columns(
+        path, {"height": "mm", "circumference": "mm"}, EXAMPLE, converts=True
+    )
     height, around = columns["height"], columns["circumference"]
     if not (around > 0).all():
         raise invalid(str(path), f"has a circumference of {around.min():g} mm; give all above 0")

@@ -139,7 +139,7 @@ def read_outline(path: Path) -> Outline:
     if path.suffix.lower() == SVG:
         return Outline.of(_drawn(path), str(path))
     needed = {"length": "mm", "width": "mm"}
-    columns = read_columns(path, needed, EXAMPLE, optional=(WIDENING,)).numbers
+    columns = read_columns(path, needed, EXAMPLE, optional=(WIDENING,), converts=True).numbers
     wanted = columns.get(WIDENING)
     return Outline.of_widths(columns["length"], columns["width"], wanted, str(path))
 

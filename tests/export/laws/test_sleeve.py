@@ -157,8 +157,8 @@ def test_what_cannot_be_worn_is_refused(tmp_path):
         kl.wear(LAW, path)
     with refused("thickness", "-3", "0 or more"):
         kl.wear(LAW, path, needles=224, thickness=-3)
-    path.write_text("height [cm],circumference [cm]\n0,24\n8,26\n")
-    with refused("height", "cm", "mm"):
+    path.write_text("height [kg],circumference [mm]\n0,24\n8,26\n")
+    with refused("height", "kg", "mm"):
         kl.wear(LAW, path, needles=200)
     path.write_text("height [mm],circumference [mm]\n0,-240\n80,260\n")
     with refused("-240", "above 0"):

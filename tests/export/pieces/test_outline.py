@@ -66,9 +66,12 @@ def test_widths_are_those_of_the_table(widths, place):
     assert left == pytest.approx(-right)
 
 
-def test_a_table_of_widths_is_read(tmp_path):
+@pytest.mark.parametrize("unit", [("mm", 1), ("cm", 0.1), ("in", 1 / 25.4)])
+def test_a_table_of_widths_is_read_in_its_unit(tmp_path, unit):
     path = tmp_path / "sleeve.csv"
-    path.write_text("length [mm],width [mm]\n0,100\n200,160\n")
+    name, factor = unit
+    rows = "".join(f"{at * factor},{width * factor}\n" for at, width in ((0, 100), (200, 160)))
+    path.write_text(f"length [{name}],width [{name}]\n{rows}")
     assert read_outline(path).size == pytest.approx((160, 200))
 
 
