@@ -15,7 +15,15 @@ import xarray as xr
 
 from knitlab.design.trial import run_trial
 from knitlab.export.pieces.outline import Outline
-from knitlab.export.pieces.piece import UNCHANGED, Along, Fabric, PlanView, Scale, mean_of_rows
+from knitlab.export.pieces.piece import (
+    UNCHANGED,
+    Along,
+    Fabric,
+    PlanView,
+    Scale,
+    mean_of_rows,
+    mm_of_cloth,
+)
 from knitlab.export.pieces.rows import Row, WantedWidening, chosen_rows
 from knitlab.model.pattern import Grading
 from knitlab.solvers.case import Case
@@ -177,8 +185,8 @@ class Fitting:
 
     def _views(self, case: Case, test: xr.Dataset) -> tuple[PlanView, PlanView]:
         """The relaxed piece, and the piece at the last strain."""
-        plane = test["position"].values[..., :2] * self.fabric.mm_of_cloth
-        return PlanView(case, plane[0]), PlanView(case, plane[-1])
+        positions = test["position"].values
+        return self.fabric.view(case, positions[0]), self.fabric.view(case, positions[-1])
 
     def _round(self, case: Case, rows: Sequence[Row], test: xr.Dataset) -> Round:
         at_rest, stretched = self._views(case, test)
@@ -251,7 +259,7 @@ def kind_of_row(
     relaxed = np.array([float(results[f"relaxed_cell_{axis}"]) for axis in "xy"])
     known = np.flatnonzero(np.isfinite(results["mean_strain_xx"].values))
     across, along = (results[f"mean_strain_{part}"].values[known] for part in ("xx", "yy"))
-    width, height = relaxed * fabric.mm_of_cloth
+    width, height = relaxed * [factor.mean() for factor in mm_of_cloth(case, fabric.gauge)]
     cells = np.array([own.periods, row.periods]) * 2 * own.options.cells_per_period
     return Row(
         label=label,

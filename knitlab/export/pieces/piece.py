@@ -101,14 +101,21 @@ class Fabric:
         """Grid cells along a side of a patch."""
         return self.case.periods * self.case.options.cells_per_period
 
-    @property
-    def mm_of_cloth(self) -> Float[np.ndarray, "2"]:
-        """Lengths in cloth over those in the network, along x and y [1]."""
-        width, height = self.case.flat_cell
-        stitches = self.case.stitches
-        gauge = self.gauge
-        along_x = stitches.wales_in_cell * gauge.stitch_width / width
-        return np.array([along_x, stitches.courses_in_cell * gauge.stitch_height / height])
+    def view(self, case: Case, positions: Float[np.ndarray, "node_y node_x 3"]) -> "PlanView":
+        """A piece in a state seen from above, in the lengths of cloth.
+
+        The tables of stripes have lengths of their own, so that rows of another garter stripe have
+        another factor from the network to the cloth.
+        """
+        along_x, along_y = mm_of_cloth(case, self.gauge)
+        x, y = np.moveaxis(positions[..., :2], -1, 0)
+        steps = np.nanmean(np.diff(y, axis=0), axis=1)
+        lines, in_cloth = (np.append(0.0, np.cumsum(step)) for step in (steps, steps * along_y))
+        # A node line lies between two rows.
+        beside = np.pad(along_y, 1, mode="edge")
+        factor = (beside[1:] + beside[:-1]) / 2
+        heights = in_cloth[:, None] + (y - lines[:, None]) * factor[:, None]
+        return PlanView(case, np.stack([x * along_x.mean(), heights], axis=-1))
 
     def rows_of(self, kind: Row, length: float, factor: Scale) -> list[Row]:
         """Rows of one kind that a length needs; the last one may be lower, unless all are whole."""
@@ -217,6 +224,15 @@ class Fabric:
         by_row = np.add.reduceat(inside, starts[:-1], axis=0, dtype=int)
         count = np.add.reduceat(by_row, np.arange(0, len(column), self.patch), axis=1)
         return (count > 0) & (count < np.diff(starts)[:, None] * self.patch)
+
+
+def mm_of_cloth(
+    case: Case, gauge: Gauge
+) -> tuple[Float[np.ndarray, " grid_x"], Float[np.ndarray, " grid_y"]]:
+    """Lengths in cloth over those in the network, of every column and row of grid cells [1]."""
+    _, fabric = case.assemble()
+    courses, wales = case.stitches_per_cell
+    return wales * gauge.stitch_width / fabric.cell_x, courses * gauge.stitch_height / fabric.cell_y
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import pytest
 
 import knitlab as kl
 from knitlab.api.single_design import single_design
-from knitlab.export.pieces.piece import Fabric, PlanView
+from knitlab.export.pieces.piece import Fabric
 from knitlab.model.computing import computing
 from knitlab.solvers.methods import METHODS
 
@@ -34,7 +34,7 @@ def test_a_piece_keeps_its_outline_from_another_start_and_on_a_finer_grid(target
     """From a sheet shaken at random, solved a hundred times more exactly; and on half the grid."""
     best = kl.shape(EXAMPLES / target, border=border, results=tmp_path, **DESIGN).fit.best
     single = single_design("periodic", [f"{name}={n}" for name, n in DESIGN.items()], {})
-    cloth = Fabric(single.case, single.gauge, single.plain, border).mm_of_cloth
+    fabric = Fabric(single.case, single.gauge, single.plain, border)
     exact = replace(best.case, solver=replace(best.case.solver, tolerance=1e-10))
     for case, seed, most in (
         (exact, 7, MAX_OF_START),
@@ -44,5 +44,5 @@ def test_a_piece_keeps_its_outline_from_another_start_and_on_a_finer_grid(target
             test = METHODS["equilibrium"].stretch([case], lambda *_: None, imperfection=seed)[0]
         assert test.states[0].converged
         positions = np.asarray(test.states[0].configuration.positions)
-        outline = PlanView(case, positions[..., :2] * cloth).outline
+        outline = fabric.view(case, positions).outline
         assert outline.centred_on(best.outline).distance(best.outline) < most * min(best.cell)

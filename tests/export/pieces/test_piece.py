@@ -85,6 +85,21 @@ def test_a_piece_whose_cells_keep_their_size_has_its_outline(widths, border, siz
     np.testing.assert_allclose(view.scale.height, size[1], rtol=1e-9)
 
 
+def test_rows_of_other_stripes_have_their_own_length_in_cloth():
+    """Flat, a piece is as long as its courses, whatever the lengths of its stripes' tables."""
+    own, other = fabric(), fabric(n_stripe=2)
+    rows = [kind((1.0, 1.0)), kind((1.0, 1.0), other.case), kind((1.0, 1.0))]
+    outline = Outline.of_widths([0, 64], [32, 32])
+    case = own.piece(outline, rows, own.endless(rows))
+    net, flat = case.assemble()
+    sheet = np.asarray(flat_sheet(net, flat).positions)
+    width, length = own.view(case, sheet).outline.size
+    courses, wales = case.stitches_per_cell
+    assert width == pytest.approx(wales.sum() * own.gauge.stitch_width)
+    assert length == pytest.approx(courses.sum() * own.gauge.stitch_height)
+    assert courses.min() < courses.max()
+
+
 def test_a_border_of_plain_knit_is_where_patches_are_cut():
     outline = Outline.of_widths([0, 64], [64, 32])
     cut, plain = (laid_out(border, outline, (1.0, 1.0)) for border in ("cut", "plain"))
