@@ -40,6 +40,7 @@ def show_progress(shown: bool) -> None:
 
     Example:
         >>> kl.show_progress(False)
+        >>> kl.show_progress(True)
     """
     global _shown
     _shown = shown

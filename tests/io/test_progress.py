@@ -14,6 +14,12 @@ from knitlab.runs.progress import CaseProgress
 DEADLINE = 20.0
 
 
+@pytest.fixture(autouse=True)
+def shown(monkeypatch):
+    """Whatever other tests have chosen."""
+    monkeypatch.setattr(progress, "_shown", True)
+
+
 @pytest.fixture
 def at_once(monkeypatch):
     """Progress is shown at once, and every change of it."""
