@@ -21,7 +21,7 @@ from knitlab.export.knitting.round_trip import RoundTrip, round_trip
 from knitlab.export.knitting.specification import Specification
 from knitlab.export.knitting.stitch_chart import stitch_chart
 from knitlab.export.knitting.symbols import Key
-from knitlab.figures.figure_files import draw_into
+from knitlab.figures.figure_files import draw_into, save_figure
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid, raise_if_any
 from knitlab.io.names import check_suffix
@@ -32,7 +32,7 @@ from knitlab.model.settings import ModelOptions
 from knitlab.model.stitches import Gauge
 from knitlab.model.stripe import STRIPE_QUANTITIES
 from knitlab.runs.declared_fields import declared
-from knitlab.runs.figure_names import FIGURE_SUFFIXES, check_figure_suffix
+from knitlab.runs.figure_names import FIGURE_SUFFIXES
 from knitlab.runs.material import Material, known_parameters
 from knitlab.runs.parameters import UNITS, defaults
 from knitlab.runs.workflow import Protocol
@@ -138,10 +138,7 @@ class KnitSample(Specification):
         Raises:
             InputError: if it has another suffix, or cannot be written.
         """
-        path = Path(path)
-        check_figure_suffix(path)
-        draw_into(self.sheet_figure, path)
-        return path
+        return save_figure(self.sheet_figure, path)
 
 
 @computing()

@@ -24,6 +24,7 @@ from knitlab.io.cube_path import cube_path
 from knitlab.io.errors import CannotWrite, InputError, Mistake
 from knitlab.io.names import inside
 from knitlab.io.provenance import DIGITS, file_digest, package_digest
+from knitlab.runs.figure_names import check_figure_suffix
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -126,6 +127,14 @@ def draw_into(draw: Callable[[], "Figure"], output: Path, fingerprint: str = "")
 
     with print_style():
         save(draw(), output, fingerprint)
+
+
+def save_figure(draw: Callable[[], "Figure"], path: str | Path) -> Path:
+    """Draw a figure into a file; InputError if its suffix is not that of a figure."""
+    path = Path(path)
+    check_figure_suffix(path)
+    draw_into(draw, path)
+    return path
 
 
 def maybe_draw(

@@ -72,7 +72,7 @@ class FabricLayout:
         along = [(stiffness[one] + stiffness[other]) / 2 for stiffness in k_s]
         lengths = width[one[1]], height[one[0]]
 
-        before, after = _beside_hinges(net)
+        before, after = net.beside_hinges
         folds, (k_before, k_after) = (
             [xp.where(net.wale, values[0][cells], values[1][cells]) for cells in (before, after)]
             for values in (rest_fold, k_t)
@@ -183,12 +183,6 @@ def _or_nan(numbers: Sequence[float | None]) -> Float[np.ndarray, " stripe"]:
     return np.array([np.nan if number is None else number for number in numbers])
 
 
-def _beside_hinges(net: Network) -> list[tuple[np.ndarray, ...]]:
-    after = net.hinge_cells
-    before = after - np.where(net.wale[:, None], [0, 1], [1, 0])
-    return [tuple((cells % [net.shape.cells_y, net.shape.cells_x]).T) for cells in (before, after)]
-
-
 def fabric_layout(
     pattern: PatchGrid,
     sheet: Sheet,
@@ -212,7 +206,7 @@ def fabric_layout(
     if plain is None and plain_cells.any():
         raise ValueError("the pattern has plain patches (P); give the stiffness of plain knit")
     net = network(mesh_shape(pattern, options.boundary, spans))
-    before, after = _beside_hinges(net)
+    before, after = net.beside_hinges
     single = _single_folds(pattern, net)
 
     def knit_values(rib: np.ndarray, garter: np.ndarray) -> np.ndarray:

@@ -158,6 +158,14 @@ class Network:
     spring_cells: Int[np.ndarray, "spring 2 2"]  # (y, x) on both sides, or one cell twice
     hinge_cells: Int[np.ndarray, "hinge 2"]  # (y, x) after the edge
 
+    @property
+    def beside_hinges(self) -> list[tuple[np.ndarray, ...]]:
+        """Rows and columns of the grid cells before and after the edge of every hinge."""
+        after = self.hinge_cells
+        before = after - np.where(self.wale[:, None], [0, 1], [1, 0])
+        size = [self.shape.cells_y, self.shape.cells_x]
+        return [tuple((cells % size).T) for cells in (before, after)]
+
 
 @cached_by_shape
 def network(shape: MeshShape) -> Network:
@@ -219,9 +227,8 @@ def _with_fabric(whole: Network, shape: MeshShape) -> Network:
         axis=1,
     )
     springs = np.flatnonzero(sides.any(axis=1))
-    after = whole.hinge_cells
-    before = after - np.where(whole.wale[:, None], [0, 1], [1, 0])
-    hinges = np.flatnonzero(has_fabric[tuple(before.T)] & has_fabric[tuple(after.T)])
+    before, after = whole.beside_hinges
+    hinges = np.flatnonzero(has_fabric[before] & has_fabric[after])
 
     def part(elements: Elements, kept: Int[np.ndarray, " kept"]) -> Elements:
         return Elements(elements.nodes[kept], elements.images[kept], elements.incidence, shape)
@@ -234,7 +241,7 @@ def _with_fabric(whole: Network, shape: MeshShape) -> Network:
         hinges=part(whole.hinges, hinges),
         wale=whole.wale[hinges],
         spring_cells=cells[springs],
-        hinge_cells=after[hinges],
+        hinge_cells=whole.hinge_cells[hinges],
     )
 
 

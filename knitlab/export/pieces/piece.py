@@ -7,7 +7,7 @@ piece is, at each height, is a :class:`Scale`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +15,7 @@ from jaxtyping import Float
 from knitlab.export.pieces.outline import Outline
 from knitlab.export.pieces.rows import Row
 from knitlab.io.errors import invalid
-from knitlab.model.network import Spans
+from knitlab.model.network import MeshShape, Spans
 from knitlab.model.pattern import Grading
 from knitlab.model.settings import PlainKnit
 from knitlab.model.stitches import Gauge
@@ -100,6 +100,13 @@ class Fabric:
     def patch(self) -> int:
         """Grid cells along a side of a patch."""
         return self.case.periods * self.case.options.cells_per_period
+
+    def in_equilibrium(self, **changes: Any) -> Case:
+        """The design with changes, of which only equilibria and shapes are wanted."""
+        solver = self.case.solver or Solver()
+        left_out = {"sensitivities": False, "unloading": False, "robustness": 0, "capacitor": None}
+        changed = {"method": "equilibrium", "solver": solver, **left_out, **changes}
+        return replace(self.case, **changed).without_unused()
 
     def view(self, case: Case, positions: Float[np.ndarray, "node_y node_x 3"]) -> "PlanView":
         """A piece in a state seen from above, in the lengths of cloth.
@@ -196,8 +203,7 @@ class Fabric:
             row_stripes=tuple(row.stripe for row in rows[::-1]),
             column_stripes=(case.weft,) * patches_x,
         )
-        piece = replace(
-            case,
+        return self.in_equilibrium(
             pattern=tuple("".join(row) for row in knit[::-1]),
             unit_cells=(1, 1),
             grading=grading,
@@ -205,24 +211,17 @@ class Fabric:
             spans=spans,
             applied_strain=(0.0, strain) if strain else (0.0,),
             options=replace(case.options, boundary="clamped"),
-            method="equilibrium",
             solver=replace(case.solver or Solver(), start="flat"),
             plain=self.plain if "P" in knit else None,
-            sensitivities=False,
-            unloading=False,
-            capacitor=None,
-            robustness=0,
         )
-        return piece.without_unused()
 
     def _is_cut(self, rows: Sequence[Row], patches_x: int, spans: Spans) -> np.ndarray:
         """Which patches have grid cells on both sides of an edge."""
-        left, right = np.array(spans).T[..., None]
-        column = np.arange(patches_x * self.patch)
-        inside = (left <= column) & (column < right)
+        columns = patches_x * self.patch
+        inside = MeshShape(len(spans), columns, periodic=False, spans=spans).has_fabric
         starts = self._starts(rows)
         by_row = np.add.reduceat(inside, starts[:-1], axis=0, dtype=int)
-        count = np.add.reduceat(by_row, np.arange(0, len(column), self.patch), axis=1)
+        count = np.add.reduceat(by_row, np.arange(0, columns, self.patch), axis=1)
         return (count > 0) & (count < np.diff(starts)[:, None] * self.patch)
 
 
