@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -18,12 +17,11 @@ from knitlab.export.pieces.fitting import WIDENING_TOLERANCE, Fit, Fitting, kind
 from knitlab.export.pieces.outline import Outline, read_outline
 from knitlab.export.pieces.piece import Border, Fabric
 from knitlab.export.pieces.rows import Row, WantedWidening
-from knitlab.figures.figure_files import draw_into
+from knitlab.figures.figure_files import save_figure
 from knitlab.io.errors import invalid, shown
 from knitlab.io.names import named_folder
 from knitlab.io.progress import Progress
 from knitlab.model.computing import computing
-from knitlab.runs.figure_names import check_figure_suffix
 from knitlab.runs.workflow_file import Overrides
 from knitlab.solvers.case import Case
 
@@ -94,10 +92,7 @@ class ShapedPiece:
 
     def save_figure(self, path: str | Path) -> Path:
         """Write the figure; InputError if the suffix is not ``.pdf``, ``.svg`` or ``.png``."""
-        path = Path(path)
-        check_figure_suffix(path)
-        draw_into(self.figure, path)
-        return path
+        return save_figure(self.figure, path)
 
 
 @computing()
@@ -190,18 +185,14 @@ def shape(
     if stretch:
         most = stretch if widening is None else FARTHEST * stretch
         strains = np.linspace(0, most, STRAINS).tolist()
-    with Progress("endless fabric", progress, rounds) as bar:
-
-        def report(number: int, states: float) -> None:
-            bar.reached(max(number - 1, 0), f"piece {number}" if number else "endless fabric")
-
+    with Progress("endless fabric", progress):
         kinds = [
-            kind_of_row(fabric, label, design, strains, folder, partial(report, 0))
+            kind_of_row(fabric, label, design, strains, folder)
             for label, design in _kinds(single, rows, workflow, given, selections)
         ]
         _check_size(wanted, fabric, kinds[0], needles)
         fitting = Fitting(fabric, kinds, wanted, widening, stretch, folder)
-        found = fitting.run(rounds, report)
+        found = fitting.run(rounds)
     best = single._replace(case=found.best.case)
     return ShapedPiece(found, knit_sample(best, stitch_chart(best.case), machine))
 

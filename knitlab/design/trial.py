@@ -168,20 +168,9 @@ def shape_measure(
     return measured
 
 
-def run_trial(
-    folder: Path,
-    case: Case,
-    gauge: Gauge,
-    own: ShapeFunctions = (),
-    progress: Callable[[float], None] = lambda states: None,
-) -> Trial:
-    """Simulate a case, or read its file in a folder if the same code has simulated it before.
-
-    ``progress`` is called with the number of finished states, with a fraction.
-    """
+def run_trial(folder: Path, case: Case, gauge: Gauge, own: ShapeFunctions = ()) -> Trial:
+    """Simulate a case, or read its file in a folder if the same code has simulated it before."""
     name = case.case_id
     if not case_file.is_undamaged(folder, name) or case_file.read_code(folder, name) != MODEL:
-        case_file.write_case_file(
-            folder, name, simulated(case, lambda name, states: progress(states))
-        )
+        case_file.write_case_file(folder, name, simulated(case, lambda name, states: None))
     return Trial(case, gauge, case_file.read_case(folder, name), own)

@@ -4,9 +4,8 @@ Each round simulates the whole piece. The sizes of its grid cells at every heigh
 neighbours change, are those by which the next piece is laid out.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,21 +18,17 @@ from knitlab.export.pieces.piece import (
     UNCHANGED,
     Along,
     Fabric,
-    PlanView,
     Scale,
     mean_of_rows,
     mm_of_cloth,
 )
 from knitlab.export.pieces.rows import Row, WantedWidening, chosen_rows
+from knitlab.io.progress import report
 from knitlab.model.pattern import Grading
 from knitlab.solvers.case import Case
-from knitlab.solvers.equilibrium.settings import Solver
 
 GAIN = 0.95  # of the error, above which a further round is not worth its time
 WIDENING_TOLERANCE = 0.05  # of the strain along the courses
-
-Report = Callable[[int, float], None]
-"""Called with the number of a round, from 0 for endless fabric, and the part that is done."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +40,7 @@ class Round:
         test: its results, with the shape in mm of network; as of :func:`knitlab.simulate`.
         outline: what it relaxes to, or is pulled to, on the wanted outline; None if it did not
             converge [mm].
+        scale: sizes of its grid cells in every row [mm].
         distance: Hausdorff distance of the outline from the wanted one [mm].
         cell: mean width and length of its unit cells [mm].
         rows: its rows of patches, from below.
@@ -58,6 +54,7 @@ class Round:
     rows: Sequence[Row]
     test: xr.Dataset
     outline: Outline | None = None
+    scale: Scale = UNCHANGED
     distance: float = np.nan
     cell: tuple[float, float] = (np.nan, np.nan)
     place: Along = field(default_factory=lambda: np.zeros(0))
@@ -136,7 +133,7 @@ class Fitting:
     strain: float
     folder: Path
 
-    def run(self, rounds: int, report: Report) -> Fit:
+    def run(self, rounds: int) -> Fit:
         """Pieces until one is near enough, or does not come nearer."""
         done: list[Round] = []
         ended = f"the limit of rounds, {rounds}, was reached"
@@ -150,16 +147,15 @@ class Fitting:
             if case.case_id in [each.case.case_id for each in done]:
                 ended = "its rows and columns no longer change"
                 break
-            progress = partial(report, len(done) + 1)
-            trial = run_trial(self.folder, case, self.fabric.gauge, progress=progress)
+            report(len(done) / rounds, f"piece {len(done) + 1}")
+            trial = run_trial(self.folder, case, self.fabric.gauge)
             if not trial.converged:
                 done.append(Round(case, rows, trial.results))
                 ended = f"a piece did not come to rest: {trial.results.attrs['reason']}"
                 break
-            done.append(self._round(case, rows, trial.results))
+            done.append(last := self._round(case, rows, trial.results))
             window = 2 * self.fabric.patch
-            shaped = self._views(case, trial.results)[-1 if self.widening is None else 0]
-            factor = shaped.scale.smooth(window).over(endless.smooth(window))
+            factor = last.scale.smooth(window).over(endless.smooth(window))
             if aim is not None and done[-1].widening_error > WIDENING_TOLERANCE:
                 aim = self._corrected(aim, done[-1])
             near_enough = min(each.error for each in done) < 1
@@ -183,13 +179,9 @@ class Fitting:
             self.kinds, cells, length / shrinking, lambda y: width(y * shrinking), aim
         )
 
-    def _views(self, case: Case, test: xr.Dataset) -> tuple[PlanView, PlanView]:
-        """The relaxed piece, and the piece at the last strain."""
-        positions = test["position"].values
-        return self.fabric.view(case, positions[0]), self.fabric.view(case, positions[-1])
-
     def _round(self, case: Case, rows: Sequence[Row], test: xr.Dataset) -> Round:
-        at_rest, stretched = self._views(case, test)
+        positions = test["position"].values
+        at_rest, stretched = (self.fabric.view(case, positions[state]) for state in (0, -1))
         shaped = stretched if self.widening is None else at_rest
         outline = shaped.outline.centred_on(self.wanted)
         cells = 2 * self.fabric.patch
@@ -199,6 +191,7 @@ class Fitting:
             rows,
             test,
             outline,
+            scale,
             outline.distance(self.wanted),
             (cells * float(scale.width.mean()), cells * float(scale.height.mean())),
         )
@@ -226,12 +219,7 @@ class Fitting:
 
 
 def kind_of_row(
-    fabric: Fabric,
-    label: str,
-    design: Case | None,
-    strains: Sequence[float],
-    folder: Path,
-    report: Callable[[float], None],
+    fabric: Fabric, label: str, design: Case | None, strains: Sequence[float], folder: Path
 ) -> Row:
     """A kind of row between columns of a fabric, by simulation of endless fabric of it.
 
@@ -241,21 +229,15 @@ def kind_of_row(
     own = fabric.case
     row = own if design is None else design
     grading = Grading((row.periods,) * 2, (own.periods,) * 2, (row.warp,) * 2, (own.weft,) * 2)
-    case = replace(
-        own,
+    case = fabric.in_equilibrium(
         pattern=own.pattern if design else ("PP", "PP"),
         grading=None if row is own and design else grading,
         plain=None if design else fabric.plain,
         unit_cells=(1, 1),
         options=replace(own.options, boundary="periodic"),
-        method="equilibrium",
-        solver=own.solver or Solver(),
         applied_strain=tuple(strains),
-        sensitivities=False,
-        robustness=0,
-        capacitor=None,
-    ).without_unused()
-    results = run_trial(folder, case, fabric.gauge, progress=report).results
+    )
+    results = run_trial(folder, case, fabric.gauge).results
     relaxed = np.array([float(results[f"relaxed_cell_{axis}"]) for axis in "xy"])
     known = np.flatnonzero(np.isfinite(results["mean_strain_xx"].values))
     across, along = (results[f"mean_strain_{part}"].values[known] for part in ("xx", "yy"))

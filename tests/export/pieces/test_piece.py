@@ -190,14 +190,14 @@ def test_the_edges_of_a_chart_follow_those_of_the_grid(step):
 @pytest.mark.slow
 def test_rounds_bring_a_piece_to_its_outline_and_are_kept(tmp_path):
     own = fabric("cut")
-    kinds = [kind_of_row(own, "own", own.case, [0.0], tmp_path, lambda _: None)]
+    kinds = [kind_of_row(own, "own", own.case, [0.0], tmp_path)]
     outline = Outline.of_widths([0, 100], [80, 60])
     fitting = Fitting(own, kinds, outline, None, 0.0, tmp_path)
-    found = fitting.run(4, lambda *_: None)
+    found = fitting.run(4)
     assert found.met
     assert found.best.distance <= found.rounds[0].distance
     files = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("cases/*.nc")}
-    again = fitting.run(4, lambda *_: None)
+    again = fitting.run(4)
     assert again.best.distance == found.best.distance
     assert {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("cases/*.nc")} == files
 
