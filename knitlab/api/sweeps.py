@@ -178,16 +178,16 @@ def _finished(workflow: str, overrides: Overrides, results: Path) -> RunResult |
     """What exists, if there is nothing to run or draw; without importing JAX or matplotlib."""
     from knitlab.runs.recorded_plan import same_plan
 
-    if same_plan(workflow, overrides, results) is None:
+    record = same_plan(workflow, overrides, results)
+    if record is None:
         return None
     from knitlab.figures.figure_files import is_drawn, requested_figures  # import xarray
-    from knitlab.runs.status import finished_plan
+    from knitlab.runs.status import finished_cube
 
-    finished = finished_plan(workflow, overrides, results)
-    if finished is None:
-        return None
-    record, cube = finished
     folder = results / record["workflow"]
+    cube = finished_cube(record, folder)
+    if cube is None:
+        return None
     figures, mistakes = requested_figures(record["figures"], cube, folder)
     if not all(is_drawn(figure.output, figure.fingerprint) for figure in figures):
         return None

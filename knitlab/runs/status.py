@@ -1,6 +1,7 @@
 """The status of the plan of a results folder, and whether a run would change anything there."""
 
 from collections import Counter
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from knitlab.io.errors import InputError
 from knitlab.io.names import named_folder
 from knitlab.io.shipped import shipped
 from knitlab.observables.status import Status
-from knitlab.runs.recorded_plan import PLAN, changed_inputs, planned_designs, read_plan, same_plan
+from knitlab.runs.recorded_plan import PLAN, changed_inputs, planned_designs, read_plan
 from knitlab.runs.results_folder import (
     CaseState,
     Check,
@@ -24,7 +25,6 @@ from knitlab.runs.results_folder import (
     earlier_failures,
     label_text,
 )
-from knitlab.runs.workflow_file import Overrides
 
 
 @dataclass(frozen=True)
@@ -128,19 +128,13 @@ def folder_status(
     return FolderStatus(designs, dims, statuses, failures, changed)
 
 
-def finished_plan(
-    workflow: str, overrides: Overrides, results: Path
-) -> tuple[dict[str, Any], xr.Dataset] | None:
-    """The record of a plan and its cube if a run would change nothing, or None."""
-    record = same_plan(workflow, overrides, results)
-    if record is None:
-        return None
-    folder = results / record["workflow"]
+def finished_cube(record: Mapping[str, Any], folder: Path) -> xr.Dataset | None:
+    """The cube of a recorded plan in its folder if a run would change nothing, or None."""
     with suppress(InputError, OSError):
         cube, designs = read_cube(folder, lazily=True), planned_designs(record)
         known = cube_designs(cube)
         ok = {each.case_id for each in known.values() if each.status is Status.ok}
         if designs.keys() <= ok:
             states = case_states(designs, folder, known, Check.changed)
-            return (record, cube) if set(states.values()) == {CaseState.done} else None
+            return cube if set(states.values()) == {CaseState.done} else None
     return None

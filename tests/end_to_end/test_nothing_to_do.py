@@ -12,7 +12,8 @@ from click.testing import CliRunner
 from knitlab.cli import main
 from knitlab.figures.drawing import draw_figure
 from knitlab.figures.figure_files import is_drawn
-from knitlab.runs.status import finished_plan
+from knitlab.runs.recorded_plan import same_plan
+from knitlab.runs.status import finished_cube
 
 SETTINGS = ("n_stripe=4", "n_subunit=8", "strain_max=0.06", "robustness=0")
 WORDS = ["run", "periodic", *(word for text in SETTINGS for word in ("--set", text))]
@@ -82,6 +83,12 @@ def test_only_a_figure_that_is_missing_is_drawn(results):
 
 
 @pytest.mark.slow
+def finished_plan(workflow, settings, results):
+    """The cube of a plan that would be made again as it is, if a run would change nothing."""
+    record = same_plan(workflow, settings, results)
+    return None if record is None else finished_cube(record, results / workflow)
+
+
 @pytest.mark.parametrize(
     "change",
     [
