@@ -6,7 +6,6 @@ from typing import Any
 
 import click
 
-import knitlab as kl
 from knitlab.cli import options
 from knitlab.cli.options import COUNT, POSITIVE, option
 
@@ -167,7 +166,7 @@ def fit(
     if looseness is not None:
         options.echo_error("--looseness is now --prior-std, and will be removed")
         arguments["prior_std"] = looseness
-    kl.plan(workflow, settings)  # says what is invalid before JAX is imported
+    options.check_planned(workflow, settings)
     began = time.monotonic()
 
     def report_step(tests: int, chi_squared: float) -> None:

@@ -131,7 +131,7 @@ def knit(
     for path in sheets:
         check_suffix(path, options.FIGURES, "a figure")
     if not is_cube(design):
-        kl.plan(design, settings)  # says what is invalid before JAX is imported
+        options.check_planned(design, settings)
     sample = kl.knit(design, overrides=settings, selections=selections, **sample_options)
     for name, value in sample.rows():
         click.echo(f"{name:13} {value}")
@@ -205,7 +205,7 @@ def shape(
     _check_outputs(outputs)
     if figure is not None:
         check_suffix(figure, options.FIGURES, "a figure")
-    kl.plan(search["workflow"], settings)  # says what is invalid before JAX is imported
+    options.check_planned(search["workflow"], settings)
     with _continuable():
         piece = kl.shape(target, overrides=settings, selections=selections, **search)
     for name, value in piece.rows():

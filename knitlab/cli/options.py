@@ -162,6 +162,13 @@ def show(
         click.echo(f"{what or 'figure':6}  {output}", err=True)
 
 
+def check_planned(workflow: str, settings: Sequence[str]) -> None:
+    """Say what is invalid in a workflow and its settings before JAX is imported."""
+    from knitlab.api.sweeps import plan
+
+    plan(workflow, settings)
+
+
 def check_selected(cube: Path, selections: dict[str, Any], where: str | None = None) -> None:
     """Say what is invalid in selections of a cube before JAX is imported."""
     from knitlab.api.cubes import query

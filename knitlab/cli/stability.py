@@ -23,7 +23,7 @@ def branches(workflow: str, settings: tuple[str, ...], style: str, output: Path 
     WORKFLOW is periodic by default.
     A row for each branch, limit point and branch point; csv and json have all points.
     """
-    kl.plan(workflow, settings)  # says what is invalid before JAX is imported
+    options.check_planned(workflow, settings)
     points = kl.branches(workflow, settings, output=output).to_dataframe()
     if style == "table":
         last = ~points["branch"].duplicated(keep="last") | ~points["branch"].duplicated()
@@ -46,7 +46,7 @@ def shapes(
 
     Exit code 1 if a start did not converge.
     """
-    kl.plan(workflow, settings)  # says what is invalid before JAX is imported
+    options.check_planned(workflow, settings)
     atlas = kl.shapes(workflow, settings, starts=starts, output=output)
     table = atlas.drop_vars(["height", "barrier", "to"]).to_dataframe().reset_index()
     table.insert(2, "above_lowest", table["energy"] - table["energy"].min())

@@ -13,11 +13,11 @@ from knitlab.export.knitting.checks import check
 from knitlab.export.knitting.knitout import knitout
 from knitlab.export.knitting.machine import read_machine
 from knitlab.export.knitting.program import operations
-from knitlab.export.knitting.round_trip import chart_stitches, interpreted, round_trip
+from knitlab.export.knitting.round_trip import interpreted, round_trip
 from knitlab.export.knitting.specification import Specification
 from knitlab.model.stitches import Gauge
 from tests.export.knitting.charts import chart_of_arrays, fast_protocols  # noqa: F401
-from tests.export.knitting.test_round_trip import interpreter, kniterates, machines
+from tests.export.knitting.test_round_trip import interpreter, kniterates, machines, own_reading
 from tests.refusals import refused
 
 MACHINE = read_machine({"waste_courses": 2})
@@ -59,10 +59,8 @@ def pieces(draw):
 
 @given(pieces(), machines | kniterates)
 def test_any_piece_is_knitted_without_a_mistake_and_read_back_as_it_was(chart, machine):
-    program = knitout(chart, machine)
-    mistakes, graph = check(program, machine)
-    assert mistakes == []
-    assert chart.difference(chart_stitches(graph, chart, machine)) is None
+    _, stitches = own_reading(knitout(chart, machine), chart, machine)
+    assert chart.difference(stitches) is None
 
 
 @interpreter
