@@ -109,7 +109,7 @@ def compare(
 
 
 class FigureCommand(click.Command):
-    """A command of which the help lists every figure."""
+    """A command whose help lists every figure."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write what each figure shows."""

@@ -199,7 +199,7 @@ def shape(
     unit cell. Repeat the command to go on after an interruption.
 
     A column widening [1] in the table is the strain along the courses that the piece is to have
-    when it is stretched: --stretch says by how much, --rows of which rows it may be made.
+    when it is stretched: --stretch says by how much, --rows which rows it may have.
     Exit code 1 if no piece comes that near, or the check finds a mistake.
     """
     _check_outputs(outputs)

@@ -267,7 +267,7 @@ def workflows() -> None:
 @click.command()
 @click.argument("word", default="")
 def settings(word: str) -> None:
-    """List the settings of workflows, or those of which WORD is in the name or the description.
+    """List the settings of workflows, or those with WORD in their name or description.
 
     Each has its table, its default, its possible values and its meaning.
     """

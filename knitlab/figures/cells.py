@@ -41,7 +41,7 @@ MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zo
 
 
 def not_run() -> InputError:
-    """The error of a figure of which no design has a value."""
+    """The error of a figure for which no design has a value."""
     return invalid("designs", "none of this selection has been simulated; run it first")
 
 

@@ -61,7 +61,7 @@ def frame_sheet(axes: Axes3D, around: np.ndarray) -> None:
 
 
 def draw_scale(axes: Axes3D, around: np.ndarray, unit: str = "mm") -> None:
-    """Draw a bar of a round length beside positions (…, component), along x."""
+    """Draw a bar of a round length next to positions (…, component), along x."""
     points = around.reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     length = max(MaxNLocator(4).tick_values(0, high[0] - low[0])[1], 1e-9)

@@ -90,7 +90,7 @@ class MeshShape:
 
 
 def mesh_shape(pattern: PatchGrid, boundary: Boundary, spans: Spans | None = None) -> MeshShape:
-    """Mesh shape of a pattern with a boundary, of which a shaped piece has the ``spans``."""
+    """Mesh shape of a pattern with a boundary, or of the part of it within ``spans``."""
     return MeshShape(*pattern.grid, boundary == "periodic", spans=spans)
 
 

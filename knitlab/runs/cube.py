@@ -106,7 +106,7 @@ def previous_cube(plan: Plan, path: Path, refresh: bool = False) -> xr.Dataset |
 
 
 def unused_folder(folder: Path) -> Path:
-    """A folder beside another, of a name that is not in use."""
+    """A folder next to another, with a name that is not in use."""
     names = (folder.with_name(f"{folder.name or 'results'}-{k}") for k in itertools.count(2))
     return next(path for path in names if not path.exists())
 

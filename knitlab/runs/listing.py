@@ -66,7 +66,7 @@ def _shows(name: str) -> str:
 
 
 def settings(word: str = "") -> list[SettingLine]:
-    """The settings of workflows, or those of which a word is in the name or the description.
+    """The settings of workflows, or those with a word in their name or description.
 
     Args:
         word: part of a name, a table or a description.

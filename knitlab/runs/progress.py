@@ -9,7 +9,7 @@ from knitlab.solvers.case import Case
 
 
 class CaseProgress:
-    """Shows how much of some cases is done, of which ``at_once`` run beside each other.
+    """Shows how much of some cases is done; ``at_once`` of them run at the same time.
 
     After its states, a case is measured.
     """

@@ -115,7 +115,7 @@ def _rows(chart: StitchChart, in_the_round: bool) -> list[Row]:
 def _row(
     stitches: list[Stitch], direction: int, changes: CourseShaping, n_bound: int, grown: int
 ) -> Row:
-    """A row of stitches, of which the first are bound off and the last may be cast on."""
+    """A row of stitches, with its first ones bound off and its last ones cast on, if any."""
     count = len(stitches)
     if n_bound + grown >= count:
         message = "must bind off stitches that it casts on; narrow the piece a few courses later"

@@ -83,7 +83,7 @@ def stitch_chart(
 def _course_spans(
     spans: Spans, rows: "_PatchLines", columns: "_PatchLines"
 ) -> Int[np.ndarray, "course 2"]:
-    """Wales of every course of a shaped piece, of which grid cells give each row its edges.
+    """First wale, and the one after the last, of every course of a shaped piece.
 
     An edge that moves by no more than a wale in a course goes straight from the middle of a row to
     the next; one that moves by more has a step between them.

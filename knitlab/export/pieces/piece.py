@@ -102,7 +102,7 @@ class Fabric:
         return self.case.periods * self.case.options.cells_per_period
 
     def in_equilibrium(self, **changes: Any) -> Case:
-        """The design with changes, of which only equilibria and shapes are wanted."""
+        """The design with changes, in equilibrium, without electrodes or perturbed copies."""
         solver = self.case.solver or Solver()
         left_out = {"sensitivities": False, "unloading": False, "robustness": 0, "capacitor": None}
         changed = {"method": "equilibrium", "solver": solver, **left_out, **changes}

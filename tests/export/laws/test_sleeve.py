@@ -119,7 +119,7 @@ def test_a_class_that_no_standard_has_is_refused():
 
 @pytest.fixture
 def sensor():
-    """The kept tests, of which one is a pull along the courses, with a made-up capacitance."""
+    """The kept tests, one of them a pull along the courses, with a synthetic capacitance."""
     cube = kl.open_cube(LAW)
     return cube.assign(capacitance=(2 + cube["mean_strain_xx"] ** 2).assign_attrs(units="pF"))
 
