@@ -13,10 +13,8 @@ from functools import partial, reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import dask.array as da
 import numpy as np
 import xarray as xr
-from dask.array.core import normalize_chunks
 
 from knitlab.cubes.case_file import case_path, read_values, stored_cases
 from knitlab.cubes.common_settings import differences, shared
@@ -319,7 +317,7 @@ def _gridded(
 
     def filled(dtype: Any, value: Any, dims: Sequence[str] = ()) -> xr.Variable:
         shape = [*map(len, along.values()), *(sizes[dim] for dim in dims)]
-        return xr.Variable((*along, *dims), da.full(shape, value, dtype, chunks=-1))
+        return xr.Variable((*along, *dims), np.broadcast_to(np.array(value, dtype), shape))
 
     variables = {
         name: filled(float, np.nan, variable.dims)
@@ -347,12 +345,18 @@ def _gridded(
     def block(part: xr.Dataset) -> xr.Dataset:
         return _with_entries(part, entries(part))
 
+    if empty.nbytes <= BLOCK_BYTES:
+        return block(empty)
+    import dask.array as da  # a small cube does without
+
     grid = tuple(map(len, along.values()))
     size = empty.nbytes // math.prod(grid)
-    chunks = normalize_chunks("auto", grid, BLOCK_BYTES, np.dtype(f"V{size}"))
-    if all(len(each) == 1 for each in chunks):
-        return block(empty.compute())
-    blocks = empty.chunk(dict(zip(along, chunks, strict=True)))
+    chunks = da.core.normalize_chunks("auto", grid, BLOCK_BYTES, np.dtype(f"V{size}"))
+    whole = {
+        name: da.full(each.shape, each.values.flat[0], each.dtype, chunks=-1)
+        for name, each in empty.data_vars.items()
+    }
+    blocks = empty.copy(data=whole).chunk(dict(zip(along, chunks, strict=True)))
     return xr.map_blocks(block, blocks, template=blocks)
 
 

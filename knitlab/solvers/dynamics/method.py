@@ -58,7 +58,7 @@ class DampedDynamics(Method):
 def moving_fabrics(cases: "Sequence[Case]") -> "MovingFabrics":
     """Cases of one mesh shape and the same settings of the dynamics, as a batch."""
     from knitlab.solvers.dynamics.contact_pairs import PairFinder
-    from knitlab.solvers.dynamics.damped_test import MovingFabrics  # diffrax is slow to import
+    from knitlab.solvers.dynamics.damped_test import MovingFabrics  # a plan needs no JAX
 
     shape = cases[0].mesh_shape
     touching = [case for case in cases if case.options.contact != "none"]

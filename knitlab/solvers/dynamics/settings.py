@@ -1,4 +1,4 @@
-"""Settings of the dynamics, apart from it because diffrax takes long to import."""
+"""Settings of the dynamics, in a module that does not import JAX."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -30,7 +30,7 @@ def stretched(
     starts = tilings(cases, _sheets(cases, imperfection), imperfection)
     moved: Sequence[Relaxed | None] = [None] * len(cases)
     if cases[0].relaxes_by_dynamics:
-        from knitlab.solvers.dynamics.method import moved_sheets  # diffrax is slow to import
+        from knitlab.solvers.dynamics.method import moved_sheets  # few cases need the dynamics
 
         moved = moved_sheets(cases, progress, starts)
     reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
