@@ -127,7 +127,7 @@ def shape(
         target: a drawing (SVG, its size in mm) of one closed line; a table of ``length [mm]`` and
             ``width [mm]``, and optionally ``widening [1]``, the wanted strain along the courses; or
             an :class:`Outline`. The wales run along its length, y.
-        workflow: the workflow with the model and the design; its tests are not run.
+        workflow: the workflow or the cube with the model and the design; tests are not run.
         overrides: settings of it as text: ``["n_stripe=4", "n_subunit=16"]``.
         selections: a value for each coordinate of the workflow, until one design is left.
         border: how patches end at the outline: ``"cut"``, along the grid, ``"whole"``, none
@@ -177,6 +177,9 @@ def shape(
     if single.case.capacitor is not None:
         message = "has electrodes, which a piece cannot have yet; take a workflow without them"
         raise invalid(f"workflow {workflow}", message)
+    if single.case.method != "equilibrium":
+        message = f"is {single.case.method}, and a piece is simulated in equilibrium; set method ="
+        raise invalid("method", f"{message} equilibrium, or take a cube of equilibria")
     # A machine that is not known is refused before minutes of simulation.
     needles = machine_of(single, machine).needles
     fabric = Fabric(single.case, single.gauge, single.plain, border)

@@ -159,7 +159,9 @@ def _kind_of_rows(text: str) -> tuple[int, int] | Literal["plain"]:
 @click.command()
 @click.argument("target", metavar="TARGET", type=options.EXISTING)
 @option(
-    "--workflow", "Workflow with the model and the design, by its name or file.", default="periodic"
+    "--workflow",
+    "Workflow with the model and the design, by its name or file, or a cube.",
+    default="periodic",
 )
 @options.select
 @options.settings
@@ -205,7 +207,8 @@ def shape(
     _check_outputs(outputs)
     if figure is not None:
         check_suffix(figure, options.FIGURES, "a figure")
-    options.check_planned(search["workflow"], settings)
+    if not is_cube(search["workflow"]):
+        options.check_planned(search["workflow"], settings)
     with _continuable():
         piece = kl.shape(target, overrides=settings, selections=selections, **search)
     for name, value in piece.rows():

@@ -37,6 +37,12 @@ def test_electrodes_of_a_workflow_are_not_left_out_silently(tmp_path):
         kl.shape(SQUARE, "sensor", n_stripe=4, n_subunit=16, results=tmp_path)
 
 
+def test_a_piece_of_the_dynamics_is_refused(tmp_path):
+    with refused("method", "dynamics", "equilibrium"):
+        kl.shape(SQUARE, n_stripe=2, n_subunit=8, method="dynamics", results=tmp_path)
+    assert not [*tmp_path.rglob("*.nc")]
+
+
 def test_an_interrupted_search_says_how_it_goes_on(monkeypatch, tmp_path):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
