@@ -24,7 +24,7 @@ from knitlab.export.knitting.symbols import Key
 from knitlab.figures.figure_files import draw_into, save_figure
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import invalid, raise_if_any
-from knitlab.io.names import check_suffix
+from knitlab.io.names import as_texts, check_suffix
 from knitlab.io.provenance import provenance
 from knitlab.model.computing import computing
 from knitlab.model.electrodes import Capacitor
@@ -245,7 +245,7 @@ def _values(machine: Overrides | None) -> Mapping[str, Any] | None:
     """The values of a machine, read if they are given as text."""
     if machine is None or isinstance(machine, Mapping):
         return machine
-    read, mistakes = read_overrides(machine, "machine")
+    read, mistakes = read_overrides(as_texts(machine), "machine")
     raise_if_any(mistakes)
     return {each.key: each.value for each in read}
 

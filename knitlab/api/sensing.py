@@ -21,6 +21,7 @@ from knitlab.cubes.trust import marks_of_rows
 from knitlab.figures.figure_files import maybe_draw
 from knitlab.figures.sensing import cross_talk_figure, matrix_figure, selectivity_figure
 from knitlab.io.errors import invalid
+from knitlab.io.names import as_texts
 from knitlab.io.progress import Progress
 from knitlab.model.computing import computing
 from knitlab.model.electrodes import Capacitor
@@ -87,7 +88,7 @@ def capacitance_matrix(
     check_figure_suffix(output)
     case, capacitor, states, strains, relaxed = _states(cube, {**selections, **named})
     polarised = _polarised(cloth_permittivity, cloth_thickness, capacitor)
-    used = electrode_set(case, capacitor, electrodes)
+    used = electrode_set(case, capacitor, as_texts(electrodes))
     with Progress("capacitances"):
         matrices = capacitance_matrices(used, states, capacitor, polarised)
     names = list(used.names)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from knitlab.io.errors import Mistake, invalid
+from knitlab.io.names import as_texts
 from knitlab.io.progress import Progress
 from knitlab.runs.workflow_file import Overrides
 
@@ -203,7 +204,7 @@ def one_of(overrides: Overrides, settings: Mapping[str, Any]) -> Overrides:
     if overrides and settings:
         message = "is given beside overrides; give all settings in one way"
         raise invalid(", ".join(settings), message)
-    return overrides or settings
+    return settings or (overrides if isinstance(overrides, Mapping) else as_texts(overrides))
 
 
 def excluded_designs(dims: Sequence[str], excluded: Mapping[tuple[Any, ...], str]) -> list[str]:

@@ -19,6 +19,7 @@ from knitlab.cubes.selection import refuse_others, select, selectable, selection
 from knitlab.cubes.strain_window import with_columns
 from knitlab.cubes.trust import COLUMN, legend, marks_of, with_marks_only
 from knitlab.io.errors import Mistake, raise_if_any
+from knitlab.io.names import as_texts
 from knitlab.observables.of_cubes import STRIPES
 from knitlab.observables.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, STRAIN, VARIABLES
 from knitlab.observables.status import Status
@@ -119,7 +120,7 @@ def query_cubes(
 
     The attribute ``models`` has lines that state the models of the cubes.
     """
-    keys = [sort] if isinstance(sort, str) else list(sort or ())
+    keys = as_texts(sort or ())
     main = columns == "main"
     if isinstance(columns, str):
         # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).

@@ -2,7 +2,7 @@
 
 import re
 import unicodedata
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +26,11 @@ CONTROLS |= {0x2028: "\\u2028", 0x2029: "\\u2029"}
 def one_line(text: object) -> str:
     """A text as a single line, whatever names it holds."""
     return str(text).translate(CONTROLS)
+
+
+def as_texts(given: Iterable[str]) -> list[str]:
+    """Several texts, or one, which Python would take letter by letter."""
+    return [given] if isinstance(given, str) else [*given]
 
 
 def is_name(text: str) -> bool:
@@ -69,4 +74,4 @@ def check_suffix(output: Path, known: Collection[str], kind: str) -> None:
     """InputError unless the suffix of a file to write is a known one of a kind, as "a mesh"."""
     if output.suffix.lower() not in known:
         message = f"has no suffix of {kind}; give one of {', '.join(known)}"
-        raise invalid(f"output {output}", message)
+        raise invalid(f"file {output}", message)

@@ -14,6 +14,7 @@ from typing import Any
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import Mistake, invalid, raise_if_any
 from knitlab.io.job_limits import ONE_THREAD
+from knitlab.io.names import as_texts
 from knitlab.runs.batches import Batch, Shard, split
 from knitlab.runs.plan import Plan
 from knitlab.runs.workflow_file import Overrides, read_overrides
@@ -46,7 +47,7 @@ def read_options(texts: Sequence[str]) -> dict[str, str]:
     """Options of sbatch by name, from KEY or KEY=VALUE; InputError has every mistake."""
     options = {}
     mistakes = []
-    for text in texts:
+    for text in as_texts(texts):
         if match := OPTION.fullmatch(text):
             options[match[1]] = match[2] or ""
         else:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import knitlab as kl
+from tests.refusals import refused
 
 STRIPE = {"knit": "rib", "n": 4, "period": 1.4, "k_s": 0.8, "theta_0": 0.7, "k_t": 0.01}
 RIB = kl.Stripe(**STRIPE)
@@ -84,3 +85,10 @@ def test_all_invalid_values_are_named_at_once():
 def test_numbers_of_numpy_are_numbers():
     stripe = kl.Stripe(**STRIPE | {"n": np.int64(4), "period": np.float32(1.5)})
     assert stripe.period == 1.5
+
+
+def test_one_text_is_read_as_a_list_of_it():
+    of_stripe = kl.plan("preview", ["n_stripe=4"])
+    assert kl.plan("preview", "n_stripe=4").cases == of_stripe.cases
+    with refused("electrodes", "w1", "two"):
+        kl.capacitance_matrix("results/reference/sensor", "w1", n_stripe=4, n_subunit=16)
