@@ -107,6 +107,7 @@ def test_the_motion_is_an_option_of_what_moves():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_options_are_drawn_side_by_side_without_a_selection(tmp_path):
     write_cube(along_fold_phase(with_ratio(0.1), good_checkerboards()), tmp_path / "cube.nc")
     assert open_cube(tmp_path).sizes["fold_phase"] == 2

@@ -151,6 +151,7 @@ def test_states_at_rest_are_not_marked(attributes):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_simulated_sample_is_marked_until_it_has_relaxed(tmp_path):
     settings = {"n_stripe": 4, "n_subunit": 8, "unit_cells": [2, 2], "strain_max": 0.06}
     cube = kl.run("preview", **settings, relax_steps=[300, 12000], results=tmp_path)

@@ -65,6 +65,7 @@ def test_the_width_is_that_at_mid_height_whatever_the_clamps_hold(script):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_tables_of_the_page_are_those_of_its_runs(script, cases):
     lines = PAGE.read_text(encoding="utf-8").splitlines()
     printed = [line for line in lines if line.startswith("|")]
@@ -110,6 +111,7 @@ def test_forces_are_off_as_the_text_says(script, cases):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("knit", "widths", "rows"),
     [

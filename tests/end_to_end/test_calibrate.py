@@ -63,6 +63,7 @@ def test_an_offset_or_preload_is_refused_until_it_is_said_which():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_stripe_that_its_record_does_not_determine_is_not_written():
     strain = np.linspace(0, 0.3, 12)
     force = np.asarray(tension_across(PureStripe.of(stripe("rib", 4)), jnp.asarray(strain)))

@@ -38,6 +38,7 @@ def test_the_tutorial_shows_the_output_of_its_commands(results_folder):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_overlay_is_drawn_of_both(results_folder):
     for kind in ("markers", "tensile", "capacitance"):
         words = ["import", kind, "workflows/laboratory/synthetic_4_16.toml"]

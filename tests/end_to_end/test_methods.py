@@ -12,6 +12,7 @@ pytestmark = pytest.mark.usefixtures("in_folder")
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_relaxation_is_drawn():
     settings = ("n_stripe=8", "n_subunit=16", "boundary=periodic", "snapshots=12", "release=0")
     words = [word for setting in settings for word in ("--set", setting)]

@@ -58,6 +58,7 @@ def _is_frustrated(rows):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @SLOW_TO_COMPILE
 @given(patterns())
 def test_any_valid_pattern_relaxes_or_reports_why_and_is_read_back(tmp_path_factory, pattern):

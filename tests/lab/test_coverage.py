@@ -129,6 +129,7 @@ def correlated(generator, rho, count):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("rho", [0.0, 0.8])
 def test_intervals_of_one_curve_cover_the_curve_with_correlated_noise(rho):
     generator, strain = np.random.default_rng(1), np.linspace(0, 2.3, 41)

@@ -94,6 +94,7 @@ def short_truth(short):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["rib_k_t", "garter_theta_0", "garter_k_s"])
 def test_derivatives_are_those_of_finite_differences(short, short_truth, name):
     truth, step = short_truth, 1e-4
@@ -196,6 +197,7 @@ def test_a_test_that_fails_midway_is_skipped(case, truth):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_report_and_the_stripe_file_state_what_changed(tmp_path, fit):
     text = "\n".join(fit.report)
     for name in FITTED:

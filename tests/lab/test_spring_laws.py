@@ -40,6 +40,7 @@ def curve(of, noise=NOISE, seed=0):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["stiffening", "tabulated"])
 def test_a_clean_curve_gives_its_stripe_back(name):
     of = STRIPES[name]
@@ -156,6 +157,7 @@ def test_a_bad_spring_curve_ends_with_code_2(in_folder, more, problem):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("law", ["linear", "stiffening"])
 def test_the_assumed_period_of_a_curve_only_scales_the_stiffnesses(law):
     """As stated in the documentation for swatches whose period is not known."""

@@ -353,6 +353,7 @@ def test_a_force_at_zero_strain_is_refused_with_both_remedies(tmp_path, truth, n
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_noise_alone_is_rarely_taken_for_an_offset_and_a_large_offset_never_for_noise(tmp_path):
     """Three repeats with noise of 1 % of the largest force."""
 

@@ -97,6 +97,7 @@ def test_a_hinge_between_two_stripes_is_half_of_each_in_series():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_plain_sheet_rests_flat_and_stretches_as_its_springs_do():
     layout, fabric = assembled(["P"], options=FLAT, periods=2)
     flat = flat_sheet(layout.net, fabric)

@@ -24,6 +24,7 @@ def cube(tmp_path_factory):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_cube_holds_every_variable_of_a_capacitor(cube):
     assert set(cube.data_vars) >= NAMES
     rib = cube.sel(knit="rib", n=4, boundary="periodic")

@@ -36,6 +36,7 @@ def test_a_fabric_with_one_branch_has_little_spread(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_copy_of_a_clamped_sample_begins_from_the_other_start(tmp_path):
     settings = ("boundary=clamped", "unit_cells=2,2", "n_stripe=4", "n_subunit=8")
     cube = cube_of(tmp_path, *settings, "strain_max=0.06", "robustness=1").squeeze()

@@ -62,6 +62,7 @@ def numbers(cube):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @FUZZ
 @given(data=st.data())
 def test_a_damaged_byte_gives_the_right_numbers_or_a_sentence(undamaged, tmp_path, data):

@@ -55,6 +55,7 @@ def test_the_known_result_is_that_of_the_kept_cube():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_simulation_agrees_and_a_wrong_one_would_not(monkeypatch):
     finding = doctor._simulation()
     assert not finding.problem, finding

@@ -46,6 +46,7 @@ def test_a_single_batch_needs_no_worker_unless_one_is_asked_for():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_cube_on_disk_is_the_one_that_was_built(sweep):
     _, results, run = sweep
     with xr.open_dataset(results / "cube.nc") as cube:

@@ -223,6 +223,7 @@ def test_a_worker_killed_at_its_start_is_a_sentence_and_no_case_is_lost(tmp_path
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("workers", "timeout"), [(0, 2.0), (WORKERS, 6.0)])
 def test_a_case_without_end_is_ended(tmp_path, workers, timeout):
     unending = fake_simulator.simulate_endlessly

@@ -28,6 +28,7 @@ def test_a_matrix_is_printed_and_drawn(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_gauge_factors_and_cross_talk_are_printed_and_drawn(tmp_path):
     for words in (STRETCHED, ["--sensor", "w1-w2", "--sensor", "w3-w4"]):
         file = tmp_path / f"{len(words)}.png"

@@ -28,6 +28,7 @@ def compiled():
     return events
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("boundary", ["periodic", pytest.param("clamped", marks=pytest.mark.slow)])
 def test_a_design_of_another_size_needs_no_compilation(compiled, boundary):
     cells = 1 if boundary == "periodic" else 2

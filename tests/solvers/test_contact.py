@@ -79,6 +79,7 @@ def test_thin_fabric_that_touches_nothing_is_that_without_contact():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_sensitivities_with_contact_predict_a_test_of_changed_stripes():
     """By the change of the reaction force with k_t; a pull of plies that press on each other."""
     strains, sheet = [0.0, 0.02], kl.Sheet(z_max=6.0, k_wall=100.0, thickness=0.25)

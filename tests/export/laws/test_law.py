@@ -1,6 +1,8 @@
 """The law of a cloth: derivatives, a law that is known, and a fabric by work, plate and tests."""
 
+import json
 import runpy
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +18,7 @@ from knitlab.export.laws.strain_tests import (
     B,
     C,
     StrainTest,
+    ratio_of_pull,
     rows_of_tests,
     strain_of,
     strain_tests,
@@ -122,6 +125,37 @@ def test_a_law_predicts_the_tests_that_others_enclose(law):
     assert len(between) >= 10
     assert between["force_error_left_out"].max() < 0.06
     assert between["ratio_error_left_out"].max() < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.nightly
+def test_a_law_predicts_tests_at_angles_and_ratios_between_its_own(law, tmp_path):
+    angles, ratios = [7.5, 22.5, 37.5, 52.5, 67.5, 82.5], [0.125, 0.375, 0.625, 0.875, 1.125, 1.375]
+    loads = ["off_axis"] * len(angles) + ["biaxial"] * len(ratios)
+    paired = {
+        "load": loads,
+        "load_angle": angles + [90] * len(ratios),
+        "load_ratio": [0] * len(angles) + ratios,
+    }
+    text = Path("workflows/law.toml").read_text(encoding="utf-8").partition("[paired]")[0]
+    workflow = tmp_path / "between.toml"
+    lines = [f"{name} = {json.dumps(values)}" for name, values in paired.items()]
+    workflow.write_text("\n".join([text, "[paired]", *lines, ""]), encoding="utf-8")
+    cube = kl.run(workflow, results=tmp_path, workers=0)
+    tests = strain_tests(rows_of_tests(cube, {}))
+    errors = []
+    for test in tests:
+        stretch, force = predicted(law.ridges, test)
+        size = np.linalg.norm(test.force[1:], axis=1)
+        missed = np.linalg.norm((force - test.force)[1:, [*test.prescribed]], axis=1)
+        errors.append((missed / np.maximum(size, 0.2 * size.max())).max())
+        if test.is_pull:
+            difference = ratio_of_pull(stretch[1:]) - ratio_of_pull(test.stretch[1:])
+            assert np.abs(difference).max() < 0.02
+    assert len(errors) == len(loads)
+    # The largest is of one biaxial load at 21 and 24 %.
+    assert sorted(errors)[-2] < 0.05
+    assert max(errors) < 0.07
 
 
 def test_the_tangent_of_a_law_is_the_plate_of_the_stretched_fabric(law):

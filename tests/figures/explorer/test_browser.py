@@ -387,6 +387,7 @@ def test_it_is_dark_where_the_system_is_and_at_a_press(browser, page):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_cubes_of_every_kind_are_shown_on_one_page(browser, tmp_path):
     names = ["sensor", "stripes", "options", "laboratory", "graded", "relaxation", "paper"]
     output = tmp_path / "many.html"

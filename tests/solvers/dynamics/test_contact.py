@@ -174,6 +174,7 @@ def test_nothing_passes_through_itself_and_no_energy_is_gained():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("disturbance", "moves"), [(1e-9, 1e-8), (1e-3, 1e-4)])  # [mm], and of ν
 def test_a_disturbed_start_moves_the_test_little(disturbance, moves, monkeypatch):
     """Collisions could set motions apart; with folds that develop they stay near each other."""
@@ -217,6 +218,7 @@ def test_pairs_that_come_within_reach_are_those_that_the_used_margin_says():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_tightly_folded_fabric_comes_to_rest_in_equilibrium():
     """Contact does not hold its sharpest folds out of equilibrium, in steps of full length."""
     sample = kl.Design(4, 32, unit_cells=(1, 1), boundary="clamped")
@@ -232,6 +234,7 @@ def test_tightly_folded_fabric_comes_to_rest_in_equilibrium():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_pressed_folds_keep_their_distance():
     """Forces pass on from pair to pair: nothing is nearer than the barrier lets it be."""
     sample = kl.Design(4, 32, unit_cells=(2, 1), boundary="clamped")

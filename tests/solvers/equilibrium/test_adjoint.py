@@ -230,6 +230,7 @@ def test_derivatives_of_graded_fabric_are_those_of_differences():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("strain", "pressed"), [(0.02, True), (0.1, False)])
 def test_derivatives_with_contact_are_those_of_differences(strain, pressed):
     """Plies touch in the relaxed shape. The barrier's scale depends on the periods and θ0."""

@@ -168,6 +168,7 @@ def test_plain_knit_strains_as_the_homogeneous_sheet_of_its_springs(load):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("load", [SHEAR, OBLIQUE])
 def test_the_stiffness_of_a_lattice_that_shears_is_that_of_automatic_differentiation(load):
     net, fabric = checkered(4, 1, PERIODIC)

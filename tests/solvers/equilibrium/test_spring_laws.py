@@ -96,6 +96,7 @@ def test_a_tensile_test_does_the_work_that_its_fabric_stores(law):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @EVERY_LAW
 def test_derivatives_are_those_of_differences(law):
     layout = fabric_layout(checkerboard(1), Sheet(6.0, 100.0), ENDLESS)

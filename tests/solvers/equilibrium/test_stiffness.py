@@ -78,6 +78,7 @@ def test_stiffness_is_the_slope_of_the_gradient(boundary, hinges):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_walls_and_held_unknowns_enter_the_stiffness():
     net, fabric = checkered(4, 1, ModelOptions(boundary="clamped"))
     sheet = shaken(flat_sheet(net, fabric), 0.1)

@@ -77,6 +77,7 @@ def test_mirrored_patterns_make_mirrored_shapes(flip):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_curve_does_not_depend_on_the_recorded_strains():
     net, fabric = checkered(4, 2, PERIODIC)
     coarse = stretched(net, fabric, [0.0, 0.08, 0.16])

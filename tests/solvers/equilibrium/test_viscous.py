@@ -52,6 +52,7 @@ def integrated(sample, test, drag):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_viscous_steps_converge_to_the_integrated_motion(sample):
     tests = [pulled(sample, DRAG, step) for step in (0.1, 0.025, 0.00625)]
     free = tests[0].loading.free
