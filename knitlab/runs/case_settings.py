@@ -10,7 +10,14 @@ from knitlab.io.toml import StrictModel
 from knitlab.model.electrodes import Capacitor
 from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.model.settings import ModelOptions, Sheet, largest_thickness
-from knitlab.model.stripe import Knit, Stripe, cell_length, changed_stripe, changed_table
+from knitlab.model.stripe import (
+    Knit,
+    Stripe,
+    cell_length,
+    changed_stripe,
+    changed_table,
+    lengths_ratio,
+)
 from knitlab.runs.parameters import Parameters
 from knitlab.runs.recorded_plan import Labels
 from knitlab.runs.workflow import CHANGES, PLAIN_NUMBERS, Workflow
@@ -61,6 +68,16 @@ class CaseSettings:
     def stripe(self, knit: Knit, stitches: int) -> Stripe:
         """A stripe of the tables, with the workflow's changes."""
         return changed_stripe(self.parameters.stripes.stripe(knit, stitches), self.changes)
+
+    def lengths_ratio(self, knit: Knit, stitches: int) -> float:
+        """Lengths of the network over those of the cloth, by a stripe of the tables.
+
+        A changed stripe is of the same cloth: its walls and thickness stay what they are, as they
+        do in derivatives by stripe parameters.
+        """
+        return lengths_ratio(
+            self.parameters.stripes.stripe(knit, stitches), self.sheet, self.options
+        )
 
     @cached_property
     def combination(self) -> Combination:

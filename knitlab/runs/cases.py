@@ -16,7 +16,6 @@ from knitlab.model.settings import PlainKnit
 from knitlab.model.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
     changed_table,
-    lengths_ratio,
     periods_per_patch,
 )
 from knitlab.runs.case_settings import CaseSettings, Designs, Source, check_thickness
@@ -127,7 +126,7 @@ def checkerboard_cases(
                 folds=tuple(SingleFold(**fold.model_dump()) for fold in entry.folds),
                 cell_patches=entry.cell,
                 plain=plain,
-                lengths_ratio=lengths_ratio(ribs[n], settings.sheet, settings.options),
+                lengths_ratio=settings.lengths_ratio("rib", n),
                 **settings.common,
             )
             _check_size(case, source)
@@ -196,7 +195,7 @@ def stripe_cases(
             pattern=PULLED_ACROSS,
             periods=section.stripe_periods,
             unit_cells=(1, 1),
-            lengths_ratio=lengths_ratio(stripe, settings.sheet, settings.options),
+            lengths_ratio=settings.lengths_ratio(knit, n),
             **settings.common,
         )
         check_thickness(case, settings.source)

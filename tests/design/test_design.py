@@ -160,7 +160,7 @@ def test_candidates_that_keep_the_constraints_come_first_and_a_smaller_budget_le
 ):
     asked = {
         "targets": "poisson_ratio = -0.4 ± 0.03 @ 0.05",
-        "subject_to": "knit_cell_x < 9",
+        "subject_to": "knit_cell_x < 22",
         "vary": {"n_stripe": [4], "n_subunit": [8, 16], "k_t_factor": [0.9, 1.1]},
     }
     result = designed(tmp_path, **asked, budget=6)

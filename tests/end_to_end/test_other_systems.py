@@ -12,6 +12,7 @@ PREVIEW = ROOT / "results/reference/preview"
 SAMPLE = ROOT / "workflows/laboratory/synthetic_4_16.toml"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="plays the other systems")
 def test_commands_work_without_what_other_systems_lack(tmp_path):
     console = {"PYTHONIOENCODING": "cp1252", "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}

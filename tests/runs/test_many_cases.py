@@ -43,6 +43,7 @@ def openings(folder, action):
     return {path: files[path] for path in cases}
 
 
+@pytest.mark.slow
 def test_a_cube_in_blocks_is_that_in_one_piece(tmp_path, monkeypatch):
     few = make_plan("periodic", (*FEW, "strain_max=0.06", f"k_t_factor={factors(2)}"))
     more = make_plan("periodic", (*FEW, "strain_max=0.09", f"k_t_factor={factors(4)}"))

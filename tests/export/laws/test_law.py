@@ -119,6 +119,7 @@ def test_stresses_of_a_fabric_do_the_work_of_its_energy():
         np.testing.assert_allclose(work, test.energy[1:], atol=0.02 * test.energy[-1])
 
 
+@pytest.mark.slow
 def test_a_law_predicts_the_tests_that_others_enclose(law):
     errors = law.errors
     between = errors[errors["between"]]

@@ -78,6 +78,7 @@ def test_needles_are_whole_unit_cells_of_the_nearest_pressure():
     assert needles_for(KNIT, LIMB, 1.01 * wanted) == 160
 
 
+@pytest.mark.slow
 def test_the_tension_is_that_of_the_fabric_that_was_pulled(tmp_path):
     cube = kl.open_cube(LAW).squeeze()
     pulled = cube.sel(sample=1)  # along the courses

@@ -62,6 +62,7 @@ def examples():
         yield from ((shape, unknowns), (shape, shaken))
 
 
+@pytest.mark.slow
 def test_energy_and_forces_are_those_of_the_ipc_toolkit():
     for shape, unknowns in examples():
         energy, gradient = found(shape, unknowns)
