@@ -112,7 +112,8 @@ class Sheet(Checked):
 
     ``z_max`` and ``thickness`` are lengths of the cloth if the size of its stitch is given. The
     lengths of a network, those of its stripes, may be others: then walls and thickness are scaled
-    by the flat length of a stitch in the network over that in the cloth.
+    by the flat length of a stitch in the network, of the stripes in the tables, over that in the
+    cloth.
 
     Attributes:
         z_max: half the gap between the walls [mm].
