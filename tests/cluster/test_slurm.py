@@ -77,7 +77,7 @@ def test_the_parts_of_an_array_job_and_one_that_was_cancelled(slurm, plain):
 
 def test_a_part_stops_before_its_time_limit(slurm):
     # SLURM signals two minutes before the limit, or up to one minute earlier.
-    long = words(strain_max=0.6, strain_step=0.01, robustness=2)
+    long = words(strain_max=0.6, strain_step=0.0025, robustness=8)
     part, _ = submitted("--parts", 1, *long, "--sbatch", "time=4")
     slurm.wait_for(lambda: slurm.ended(part))
     assert slurm.states(part) == {"1": "FAILED"}
