@@ -207,7 +207,7 @@ def test_a_mistake_in_a_workflow_is_reported_once_with_its_remedy(tmp_path, line
     [
         ("periodic", "strain_max=9", ("strain_max = 9", "0.2 to 0.6")),
         ("periodic", "k_t_factor=1e4", ("k_t of rib 4", "178 N", "0.0048 to 0.0498 N")),
-        ("periodic", "rib_period=0.01", ("period of rib 4", "0.01 mm", "1.09 to 2.44 mm")),
+        ("periodic", "rib_period=30", ("period of rib 4", "30 mm", "1.09 to 2.44 mm")),
         ("preview", "drag=1", ("drag = 1", "dynamics")),
         ("periodic", "load_ratio=2", ("load_ratio", "load = warp", "load = biaxial")),
         ("periodic", "cycle=2", ("cycle = 2", "friction")),
