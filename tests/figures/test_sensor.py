@@ -61,6 +61,7 @@ def test_the_front_is_the_set_of_points_that_none_dominates(points):
         assert on_front != any(beats(other, point) for other in points)
 
 
+@pytest.mark.slow
 def test_the_map_writes_both_figures_and_lists_the_front():
     steep, wide, trade_off = sensor([with_electrodes()]).axes[:3]
     assert values_written(steep) == ["−0.50", "−2.00", "−1.00"]

@@ -274,6 +274,7 @@ def test_forces_over_the_width_are_those_of_rows_as_wide_as_cells_are_long():
         assert per_width.values[name] == pytest.approx(value, rel=1e-6)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=20)
 @given(shift=st.floats(-0.01, 0.01), seed=st.integers(0, 100))
 def test_records_that_start_off_zero_are_cut_there(tmp_path_factory, shift, seed):

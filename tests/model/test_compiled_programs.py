@@ -31,6 +31,7 @@ def files_after(tmp_path, **environment):
     return sorted(tmp_path.rglob("*-cache")), done.stdout
 
 
+@pytest.mark.slow
 def test_a_second_process_compiles_nothing_anew(tmp_path):
     first, printed = files_after(tmp_path)
     assert first

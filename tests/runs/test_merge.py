@@ -59,6 +59,7 @@ def shards(folder):
     return sorted(folder.glob("shard-*"))
 
 
+@pytest.mark.slow
 def test_shards_in_folders_of_their_own_become_one_run(finished, tmp_path, plan):
     merged = merge_folders(shards(finished), tmp_path)
     assert merged.folder == tmp_path / "periodic"

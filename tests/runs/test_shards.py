@@ -51,6 +51,7 @@ def test_the_first_shard_writes_the_plan_though_another_waits_to_begin(tmp_path,
         assert set(read_plan(tmp_path)["cases"]) == set(plan.cases)
 
 
+@pytest.mark.slow
 def test_shards_one_after_another_give_the_cube_of_one_run(tmp_path, plan, whole):
     for number in range(1, COUNT + 1):
         part = ran(plan, tmp_path, number)

@@ -63,6 +63,7 @@ def test_any_piece_is_knitted_without_a_mistake_and_read_back_as_it_was(chart, m
     assert chart.difference(stitches) is None
 
 
+@pytest.mark.slow
 @interpreter
 @pytest.mark.parametrize("name", ["rectangle", "trapezoid", "bulge", "step in"])
 def test_the_interpreter_knits_the_same_piece(name, fast_protocols):  # noqa: F811
@@ -118,6 +119,7 @@ def knitted_lines(program):
     return [line for line in program.splitlines() if line.startswith(("knit", "xfer", "drop"))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["trapezoid", "steps both ways", "to a point", "zigzag"])
 def test_every_edge_at_another_wale_is_found(name):
     chart = shaped(PIECES[name])

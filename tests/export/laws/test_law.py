@@ -94,6 +94,7 @@ def test_stresses_of_a_test_are_those_of_the_law_that_it_obeys():
         np.testing.assert_allclose(test.stress, Quadratic().stress(test.strain), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_known_law_is_found_and_predicts_other_loads():
     law = fitted(KNOWN)
     np.testing.assert_allclose(law.tangent(np.zeros(3)), STIFFNESS, atol=0.02)

@@ -40,6 +40,7 @@ def test_rows_that_widen_are_where_widening_is_wanted():
     assert labels == ["narrow"] * 20 + ["wide"] * 20
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.floats(0.2, 5.0))
 def test_stiff_rows_widen_less_by_the_ratio_of_stiffnesses(ratio):
@@ -52,6 +53,7 @@ def test_stiff_rows_widen_less_by_the_ratio_of_stiffnesses(ratio):
     assert sum(numbers) == 40
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.floats(0.02, 0.4))
 def test_the_piece_has_the_wanted_stretch(stretch):

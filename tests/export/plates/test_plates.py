@@ -170,6 +170,7 @@ def test_a_strain_that_was_not_reached_is_reported():
     assert status.tolist() == [PlateStatus.ok, PlateStatus.not_converged]
 
 
+@pytest.mark.slow
 def test_where_layers_touch_a_plate_is_unknown_and_elsewhere_it_balances_the_test():
     held = kl.simulate(kl.Design(4, 16, boundary="periodic"), [0.0, 0.1])
     assert (held["energy_contact"] > 0).values.tolist() == [True, False]

@@ -72,6 +72,7 @@ def test_energy_and_forces_are_those_of_the_ipc_toolkit():
         np.testing.assert_allclose(gradient, by_unknowns, atol=1e-10 * abs(by_unknowns).max())
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(POINTS, st.sampled_from(list(CLOSEST)))
 def test_no_points_of_two_parts_are_closer_than_the_closest(corners, kind):

@@ -111,6 +111,7 @@ def test_status_names_the_pivot_that_is_not_positive():
     assert status[0] == 2
 
 
+@pytest.mark.slow
 def test_a_call_keeps_its_arrays_alive():
     target = np.asfortranarray(np.zeros((300, 300)))
     call = blas.subtract_square(target, np.asfortranarray(np.full((300, 300), 2.0)))

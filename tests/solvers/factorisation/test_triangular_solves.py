@@ -22,6 +22,7 @@ def some(case: Case, count: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).choice(len(case.rows), count, replace=False)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(
     case=st.sampled_from([FREE, PERIODIC]),
