@@ -17,6 +17,7 @@ pytestmark = pytest.mark.usefixtures("in_folder")
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_calibrated_stripe_can_be_used_as_it_is():
     strain = np.linspace(0, 2, 30)
     force = 1.2 * np.asarray(tension_across(PureStripe.of(stripe("rib", 4)), jnp.asarray(strain)))

@@ -148,6 +148,7 @@ def start_of(part, lines, first, same=operator.eq):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_first_row_of_the_readme_is_computed_again(tmp_path):
     query = next(example for example in examples("README.md") if example.words[0] == "query")
     heading, first, *_ = query.printed
@@ -176,7 +177,8 @@ def python_of(page):
 
 
 LONG = {
-    *("docs/how-to/design.md", "docs/how-to/shape.md", "docs/how-to/uncertainty.md"),
+    *("docs/how-to/calibrate.md", "docs/how-to/design.md", "docs/how-to/shape.md"),
+    "docs/how-to/uncertainty.md",
     *("docs/tutorials/elbow.md", "docs/tutorials/sleeve.md"),
 }
 """Pages whose Python takes long, and is tested nightly."""

@@ -59,6 +59,7 @@ def calibrated(*arguments):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_known_yarn_comes_back_from_its_records(tmp_path):
     generator, material = np.random.default_rng(3), str(tmp_path / "yarn.toml")
     sizes = "--width", str(WIDTH), "--gauge-length", str(LENGTH)

@@ -108,6 +108,7 @@ def test_patterns_of_one_shape_are_one_batch_and_one_cube(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_every_drawing_of_a_case_shows_a_graded_pattern(tmp_path):
     pattern = {
         "rows": ["GRP", "RGP"],

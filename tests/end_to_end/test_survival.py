@@ -20,6 +20,7 @@ def killed(folder, after):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_killed_sweep_resumes_to_the_same_cube(tmp_path, in_folder):
     done = killed(tmp_path, after=1)
     assert done == 1

@@ -40,7 +40,8 @@ def test_a_clean_curve_gives_its_stripe_back_in_both_conventions(of):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("noise", [0.0, pytest.param(0.01, marks=pytest.mark.nightly)])
+@pytest.mark.nightly
+@pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_a_stripe_of_its_own_along_the_ridges_comes_back_with_its_swatches(noise):
     shape = SpringCurve((0.0, 0.15, 0.3, 0.5), (0.0, 1.0, 3.0, 9.0))
     of = Stripe(

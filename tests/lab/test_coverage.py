@@ -101,10 +101,9 @@ def change(fitted, truth, knit, slopes):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("subject", ["swatch", "mean"])
-@pytest.mark.parametrize(
-    "repeats", [3, *(pytest.param(each, marks=pytest.mark.nightly) for each in (5, 10))]
-)
+@pytest.mark.parametrize("repeats", [3, 5, 10])
 def test_intervals_of_few_repeats_cover(repeats, subject):
     generator = np.random.default_rng(0)
     made, covered = fits(repeats), []

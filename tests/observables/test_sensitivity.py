@@ -28,6 +28,7 @@ def cube(tmp_path_factory):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_sensitivities_are_in_the_cube_at_every_strain_but_zero(cube):
     assert {"poisson_ratio_sensitivity", "reaction_force_sensitivity"} == NAMES
     for name in NAMES:

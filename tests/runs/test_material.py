@@ -30,6 +30,7 @@ def written(path, *stripes, **lengths):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_similar_fabric_of_another_size_has_the_same_curve():
     # Fails if any length that acts on the fabric, such as z_max, is not scaled with the periods.
     design = kl.Design(4, 16, boundary="periodic")

@@ -126,6 +126,7 @@ def test_workers_give_the_results_of_this_process(sweep, tmp_path, workers):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_clamped_sample_of_one_cell_has_no_poisson_ratio(tmp_path):
     sample = ("boundary=clamped", "start=flat", "unit_cells=[[1,1],[2,1]]")
     overrides = ("n_stripe=4", "n_subunit=8", *SMALL[:2], *sample)

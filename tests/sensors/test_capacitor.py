@@ -75,6 +75,7 @@ def test_flat_fabric_has_the_capacitance_of_coplanar_strips():
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_stated_error_is_no_less_than_the_true_one():
     angles = [1.0, 2.0]
     rough, fine = measured(angles), measured(angles, accuracy=3e-3)

@@ -54,7 +54,7 @@ def slope(test):
     ("load", "sides", "direction"),
     [
         pytest.param("warp", "free", "warp", marks=[pytest.mark.slow, pytest.mark.nightly]),
-        pytest.param("weft", "free", "weft", marks=pytest.mark.slow),
+        pytest.param("weft", "free", "weft", marks=[pytest.mark.slow, pytest.mark.nightly]),
         pytest.param("biaxial", "held", "warp", marks=pytest.mark.slow),
     ],
 )

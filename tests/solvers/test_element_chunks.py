@@ -25,11 +25,12 @@ def shared(monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("boundary", "periods", "angle"),
     [
         ("clamped", 4, "across_edge"),
-        *(pytest.param(*sheet, "whole_normals", marks=pytest.mark.nightly) for sheet in SHEETS[:3]),
+        *((*sheet, "whole_normals") for sheet in SHEETS[:3]),
         (*SHEETS[3], "whole_normals"),
     ],
 )

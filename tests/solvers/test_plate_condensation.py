@@ -130,13 +130,14 @@ def check_by_rolled_up_cells(state_number, z_max, trials):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("state", "z_max"),
     [
-        pytest.param(0, 6.0, marks=pytest.mark.nightly),
-        pytest.param(1, 6.0, marks=pytest.mark.nightly),
+        (0, 6.0),
+        (1, 6.0),
         (2, 6.0),
-        pytest.param(0, 0.2, marks=pytest.mark.nightly),
+        (0, 0.2),
         (1, 0.2),
     ],
 )

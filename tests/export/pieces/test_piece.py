@@ -188,6 +188,7 @@ def test_the_edges_of_a_chart_follow_those_of_the_grid(step):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_rounds_bring_a_piece_to_its_outline_and_are_kept(tmp_path):
     own = fabric("cut")
     kinds = [kind_of_row(own, "own", own.case, [0.0], tmp_path)]

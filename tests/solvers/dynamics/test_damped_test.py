@@ -73,6 +73,7 @@ def test_both_methods_reach_the_same_states(integrator):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("options", "load"),
     [
@@ -203,6 +204,7 @@ def test_the_end_of_a_relaxation_is_reported(changes, outcome):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_fabric_that_diverges_does_not_affect_others_of_its_batch():
     settings = replace(SETTINGS, ending="time", relax_time=0.5, strain_rate=0.2)
     fabrics = moving([(4, 1), (8, 1)], PERIODIC, settings)

@@ -149,6 +149,7 @@ def test_a_periodic_sheet_without_diagonals_is_the_zigzag(of):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("ridges", ["G", "R"])
 @pytest.mark.parametrize(
     "curve", [None, SpringCurve((0.0, 0.1, 0.3), (0.0, 1.0, 6.0))], ids=["linear", "curve"]
