@@ -75,9 +75,8 @@ class CaseSettings:
         A changed stripe is of the same cloth: its walls and thickness stay what they are, as they
         do in derivatives by stripe parameters.
         """
-        return lengths_ratio(
-            self.parameters.stripes.stripe(knit, stitches), self.sheet, self.options
-        )
+        table = self.parameters.stripes.stripe(knit, stitches)
+        return lengths_ratio(table, self.sheet, self.options)
 
     @cached_property
     def combination(self) -> Combination:

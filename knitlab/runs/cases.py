@@ -13,11 +13,7 @@ from knitlab.io.toml import read_checked
 from knitlab.model.electrodes import BadLayout
 from knitlab.model.pattern import BadPattern, SingleFold
 from knitlab.model.settings import PlainKnit
-from knitlab.model.stripe import (
-    GARTER_STITCHES_PER_RIB_STITCH,
-    changed_table,
-    periods_per_patch,
-)
+from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, changed_table, periods_per_patch
 from knitlab.runs.case_settings import CaseSettings, Designs, Source, check_thickness
 from knitlab.runs.declared_fields import declared
 from knitlab.runs.parameters import Parameters

@@ -28,8 +28,10 @@ def compiled():
     return events
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("boundary", ["periodic", pytest.param("clamped", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "boundary",
+    ["periodic", pytest.param("clamped", marks=[pytest.mark.slow, pytest.mark.nightly])],
+)
 def test_a_design_of_another_size_needs_no_compilation(compiled, boundary):
     cells = 1 if boundary == "periodic" else 2
     # Dynamics are compiled for every mesh shape.

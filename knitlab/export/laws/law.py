@@ -119,7 +119,7 @@ class Law:
             without = fitted(others, self.mirrored, self.stiffness_at_rest)
             row: dict[str, Any] = {"test": test.label}
             for name, law in (("", self.ridges), ("_left_out", without)):
-                row[f"force_error{name}"], row[f"ratio_error{name}"] = _errors(law, test)
+                row[f"force_error{name}"], row[f"ratio_error{name}"] = errors_of(law, test)
             enclosed = _inside(_hull(others, self.mirrored), test.strain)
             row["between"] = bool(enclosed.mean() > MOST)
             rows.append(row)
@@ -189,7 +189,7 @@ def _inside(hull: Delaunay | None, strain: Strain) -> Bool[np.ndarray, "*state"]
     return hull.find_simplex(strain) >= 0
 
 
-def _errors(law: RidgeLaw, test: StrainTest) -> tuple[float, float]:
+def errors_of(law: RidgeLaw, test: StrainTest) -> tuple[float, float]:
     """Largest errors of a test by a law: of forces, over their size, and of ν."""
     stretch, force = predicted(law, test)
     size = np.linalg.norm(test.force[1:], axis=1)
