@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.stats import kstest, norm
 from scipy.stats import t as student_t
 
@@ -252,5 +253,6 @@ def test_first_order_agrees_with_monte_carlo_on_five_designs(yarn, tmp_path):
             assert (off_by.quantile(0.7, "sample") < 0.15 * deviation + roughness).all()
             # Twelve samples know a deviation to about a fifth.
             by_covariance = linear[f"{quantity}_sd"].sel(at)
-            np.testing.assert_allclose(deviation, by_covariance, rtol=0.5)
-            np.testing.assert_allclose(spread[f"{quantity}_sd"].sel(at), by_covariance, rtol=0.6)
+            sampled = spread[f"{quantity}_sd"].sel(at)
+            assert (abs(deviation / by_covariance - 1) < xr.where(touches, 0.5, 0.4)).all()
+            assert (abs(sampled / by_covariance - 1) < xr.where(touches, 0.6, 0.5)).all()
