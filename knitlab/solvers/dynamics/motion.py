@@ -19,7 +19,8 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from knitlab.model.energy import Energy
 from knitlab.solvers.dynamics.contact_forces import Contact, Workspace, contact_forces
-from knitlab.solvers.dynamics.contact_pairs import ContactLists, PairFinder
+from knitlab.solvers.dynamics.contact_lists import ContactLists
+from knitlab.solvers.dynamics.contact_pairs import PairFinder
 from knitlab.solvers.dynamics.grid import GridFabric, Shape
 from knitlab.solvers.dynamics.settings import Dynamics
 
@@ -473,10 +474,9 @@ def _leapfrog_batch(
         stored = np.asarray(seen.energy.contact) - np.asarray(moving.seen.energy.contact)
         lost = -(stored + np.asarray(motion.contact_work - moving.motion.contact_work))
         motion = replace(motion, dissipated=motion.dissipated + lost)
-        # A pair that was not listed, or not evaluated, may have touched.
-        used = moving.touching.used(motion.shape)
-        done = stable & (used <= moving.touching.most)
-        touching = replace(moving.touching, now=np.where(done, used, moving.touching.now))
+        touching, missed = moving.touching.missed(motion.shape)
+        done = stable & ~missed
+        touching = replace(touching, now=np.where(done, touching.now, moving.touching.now))
         moving = replace(moving, touching=touching)
         stable = done | (stable & (count > 1))
         most = np.where(done, np.minimum(2 * count, 256), np.maximum(count // 2, 1))

@@ -16,10 +16,13 @@ from knitlab.model.fabric import Configuration, flat_sheet
 from knitlab.model.settings import ModelOptions
 from knitlab.model.surfaces import self_intersections
 from knitlab.solvers.dynamics import damped_test
+from knitlab.solvers.dynamics.contact_cells import Place
 from knitlab.solvers.dynamics.contact_forces import CLOSEST, PairList, force_after
 from knitlab.solvers.dynamics.contact_forces import distance as distance_of
-from knitlab.solvers.dynamics.contact_pairs import PairFinder, Place, batch_contact
+from knitlab.solvers.dynamics.contact_lists import ContactLists, batch_contact
+from knitlab.solvers.dynamics.contact_pairs import PairFinder
 from knitlab.solvers.dynamics.damped_test import relax_by_dynamics
+from knitlab.solvers.dynamics.grid import Shape
 from knitlab.solvers.dynamics.settings import Dynamics
 from knitlab.solvers.equilibrium.contact_barrier import Barrier
 from tests.fabrics import moving, shaken
@@ -40,7 +43,7 @@ def found(shape, unknowns):
     """Energy and gradient of contact in the dynamics."""
     finder, place = PairFinder(shape, LAYERS), place_of(unknowns, shape)
     at = Configuration.of(unknowns, shape)
-    contact = batch_contact([finder], [finder.listed(place)])
+    contact = batch_contact([finder], [finder.listed(place).parts])
     alone = replace(contact, lists=jax.tree.map(lambda leaf: leaf[0], contact.lists))
     nodes = tuple(jnp.asarray(at.positions[..., axis]) for axis in range(3))
     by_nodes, by_lengths = alone.gradient(nodes, jnp.asarray(at.lengths))
@@ -51,6 +54,19 @@ def found(shape, unknowns):
 def place_of(unknowns, shape):
     at = unknowns if isinstance(unknowns, Configuration) else Configuration.of(unknowns, shape)
     return Place(np.asarray(at.positions).reshape(-1, 3), np.asarray(at.lengths))
+
+
+def grid_of(place, shape):
+    """A place as the dynamics hold it, for a batch of one fabric."""
+    at = np.moveaxis(place.positions.reshape(1, shape.nodes_y, shape.nodes_x, 3), -1, 0)
+    return Shape(tuple(map(jnp.asarray, at)), jnp.asarray(place.lengths)[None])
+
+
+def names(parts):
+    """Pairs of parts by their corners, images relative to the first, in the order of the list."""
+    turns = parts.turns - parts.turns[:, :1]
+    corners = np.concatenate([parts.nodes, turns.reshape(8, -1), parts.near[None]])
+    return [tuple(each) for each in corners.T.astype(int)]
 
 
 def examples():
@@ -212,11 +228,38 @@ def test_pairs_that_come_within_reach_are_those_that_the_used_margin_says():
                 continue
             first = listed.within(used)
             for kind, now in finder.listed(after).parts.items():
-                those = listed.parts[kind].corners[: first[kind]]
-                touching = set(map(bytes, now.corners[now.gap <= 0]))
-                assert touching <= set(map(bytes, those))
+                those = names(listed.parts[kind])[: first[kind]]
+                touching = {name for name, gap in zip(names(now), now.gap, strict=True) if gap <= 0}
+                assert touching <= set(those)
                 checked += 0 < len(touching) < len(listed.parts[kind].gap)
     assert checked > 3
+
+
+def test_pairs_that_touch_in_some_steps_act_or_are_missed():
+    """Also if the motion is not the one expected, by which those that act are chosen."""
+    noise = np.random.default_rng(2)
+    kept = missed = 0
+    for shape, at in (two_plies(1.3 * THICKNESS), two_plies(1.4 * THICKNESS), folded_periodic()):
+        finder, before = PairFinder(shape, LAYERS), place_of(at, shape)
+        lists = ContactLists.at([finder], grid_of(before, shape))
+        for amplitude in np.geomspace(1e-3, 0.3, 12) * THICKNESS:
+            expected, actual = noise.normal(size=(2, *before.positions.shape), scale=amplitude)
+            still = np.zeros(2)
+            rate = grid_of(Place(expected, still), shape)
+            covering, _ = lists.covering(grid_of(before, shape), rate, np.ones(1), np.ones(1, int))
+            after = Place(before.positions + actual, before.lengths)
+            _, unseen = covering.missed(grid_of(after, shape))
+            missed += int(unseen[0])
+            if unseen[0]:
+                continue
+            for kind, now in finder.listed(after).parts.items():
+                acting = covering.contact.lists[kind].nodes[0]
+                acting = set(map(tuple, np.asarray(acting).T))
+                touching = set(map(tuple, now.first(int((now.gap <= 0).sum())).nodes.T))
+                assert touching <= acting
+                kept += len(touching) > 0
+    assert kept > 3
+    assert missed > 3
 
 
 @pytest.mark.slow
