@@ -21,7 +21,6 @@ from knitlab.solvers.dynamics.contact_pairs import Listed, PairFinder, Parts
 from knitlab.solvers.dynamics.grid import Shape
 
 COVERED = 0.8  # part of its margins that a motion may use of a list, if it gains no speed
-SPARE = 0.05  # part of margins that a motion may use of a list beyond what is expected
 AWAKE = 0.05  # distance beyond that up to which pairs act, over a cell side
 OLD = 0.1  # part used of a list that is worth a new one
 STEPS = 60  # for which a list has margins at least
@@ -54,7 +53,6 @@ class ContactLists:
     listed: Sequence[Listed]
     contact: Contact  # pairs that act in the coming steps
     now: OfCases  # part that each fabric has used of the margins of its list
-    most: OfCases  # part up to which pairs are looked at
     steps: Sequence["Watch"]  # over each fabric in the coming steps
 
     @classmethod
@@ -63,9 +61,12 @@ class ContactLists:
         listed = [
             finder.listed(place) for finder, place in zip(finders, _places(shape), strict=True)
         ]
-        contact = batch_contact(finders, [_first(each, 0.0) for each in listed])
-        none = np.zeros(len(listed))
-        return cls(finders, listed, contact, none, none, [])
+        touching = [
+            {kind: parts.some(np.flatnonzero(parts.gap <= 0)) for kind, parts in each.parts.items()}
+            for each in listed
+        ]
+        contact = batch_contact(finders, touching)
+        return cls(finders, listed, contact, np.zeros(len(listed)), [])
 
     def missed(self, shape: Shape) -> tuple["ContactLists", Bool[np.ndarray, " case"]]:
         """The lists after some steps, and whether pairs that do not act may have touched."""
@@ -73,7 +74,7 @@ class ContactLists:
         now = self._used(places)
         fabrics = zip(self.steps, self.finders, places, strict=True)
         unseen = [steps.used(finder, place) > 1 for steps, finder, place in fabrics]
-        missed = (now > self.most) | unseen
+        missed = (now > 1) | unseen
         return replace(self, now=np.where(missed, self.now, now)), missed
 
     def covering(
@@ -97,15 +98,13 @@ class ContactLists:
             then = lists._used(ahead(count))
         part = np.clip((COVERED - lists.now) / np.maximum(then - lists.now, 1e-300), 0.0, 1.0)
         covered = np.where(count > 0, np.maximum(part * count, 1), 0).astype(int)
-        expected = lists.now + np.maximum(then - lists.now, 0.0) * covered / np.maximum(count, 1)
-        most = np.minimum(expected / COVERED + SPARE, 1.0)
         acting, steps = [], []
-        for each in zip(lists.finders, lists.listed, most, places, ahead(covered), strict=True):
+        for each in zip(lists.finders, lists.listed, places, ahead(covered), strict=True):
             act, watch = _chosen(*each)
             acting.append(act)
             steps.append(watch)
         contact = batch_contact(lists.finders, acting)
-        return replace(lists, contact=contact, most=most, steps=steps), covered
+        return replace(lists, contact=contact, steps=steps), covered
 
     def _used(self, places: Sequence[Place]) -> OfCases:
         """Part of the margins of its list that each fabric uses; above 1 the list is incomplete."""
@@ -125,25 +124,18 @@ class ContactLists:
 
 
 def _chosen(
-    finder: PairFinder, listed: Listed, most: float, before: Place, ahead: Place
+    finder: PairFinder, listed: Listed, before: Place, ahead: Place
 ) -> tuple[dict[Kind, Parts], Watch]:
     """The pairs that may touch on the way from one place to another, and a watch over the rest."""
-    parts = _first(listed, most)
-    gaps = finder.gaps(parts, before)
-    approaches = finder.approaches(parts, _motion(before, ahead))
+    gaps = finder.gaps(listed.parts, before)
+    approaches = finder.approaches(listed.parts, _motion(before, ahead))
     act = {}
     slack = {}
     for kind, gap in gaps.items():
         may_touch = gap <= approaches[kind] / COVERED + AWAKE * finder.layers.cell
-        act[kind] = parts[kind].some(np.flatnonzero(may_touch))
+        act[kind] = listed.parts[kind].some(np.flatnonzero(may_touch))
         slack[kind] = np.where(may_touch, np.inf, gap)
-    return act, Watch(before, parts, slack)
-
-
-def _first(listed: Listed, used: float) -> dict[Kind, Parts]:
-    """Pairs that can be within reach by the used part of the margins."""
-    count = listed.within(used)
-    return {kind: each.first(count[kind]) for kind, each in listed.parts.items()}
+    return act, Watch(before, listed.parts, slack)
 
 
 def _motion(before: Place, after: Place) -> Place:

@@ -52,11 +52,6 @@ class Parts:
         columns = (self.nodes, self.turns, self.near, self.parallel, self.gap)
         return Parts(*(np.take(each, which, axis=-1) for each in columns))
 
-    def first(self, count: int) -> "Parts":
-        """The closest pairs."""
-        columns = (self.nodes, self.turns, self.near, self.parallel, self.gap)
-        return Parts(*(each[..., :count] for each in columns))
-
 
 class Candidates(NamedTuple):
     """Pairs of parts of one kind, by what owns them."""
@@ -90,18 +85,9 @@ class Listed:
     """The pairs that can come within reach before parts have approached by more than a margin."""
 
     place: Place  # where they were found
-    margin: float  # [mm]
     parts: dict[Kind, Parts]
     cells: CloseCells
     watched: Watched
-
-    def within(self, used: float) -> dict[Kind, int]:
-        """How many of the first pairs can be within reach, by the used part of the margin."""
-        reach = used * self.margin
-        return {
-            kind: int(np.searchsorted(each.gap, reach, "right"))
-            for kind, each in self.parts.items()
-        }
 
 
 @dataclass(frozen=True)
@@ -139,7 +125,7 @@ class PairFinder:
         slack = np.concatenate([gap, np.where(folded, 0.0, UNFOLDED * self.layers.cell)])
         watched = Watched.of(cells.pairs.and_also(beside), np.maximum(slack, margin))
         parts = {kind: self._parts(kind, pairs, each, margin) for kind, each in found.items()}
-        return Listed(place, margin, parts, cells, watched)
+        return Listed(place, parts, cells, watched)
 
     def used(self, listed: Listed, place: Place) -> float:
         """Part of its margins that a motion has used of a list; above 1 it may be incomplete."""

@@ -9,7 +9,7 @@ Periodic fabric is extended by the image of its first row and column of nodes, s
 fabric have one more line of nodes than of cells. What lies on the images counts once.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -177,13 +177,14 @@ class GridFabric(eqx.Module):
             exists = np.pad(np.ones(size), around)
             springs.append(
                 Springs(
-                    jnp.asarray(fabric.stretch_stiffness)[places] * exists,
-                    jnp.asarray(fabric.rest_length)[places],
+                    jnp.asarray(np.asarray(fabric.stretch_stiffness)[places] * exists),
+                    jnp.asarray(np.asarray(fabric.rest_length)[places]),
                     fabric.spring_law.of(places),
                 )
             )
         # The hinge on the image of the first line is that line's; open edges have none.
-        beyond, mode = ((0, 1), "wrap") if shape.periodic else ((1, 1), "constant")
+        beyond = (0, 1) if shape.periodic else (1, 1)
+        mode: Literal["wrap", "constant"] = "wrap" if shape.periodic else "constant"
         wales = rows * (columns if shape.periodic else columns - 1)
         hinges = []
         for own, size, axes in (
@@ -193,10 +194,10 @@ class GridFabric(eqx.Module):
             across = ((0, 0), beyond)[::axes]
             beside = (cells, (0, 0))[::axes]
             stiffness, rest = (
-                jnp.pad(jnp.pad(jnp.asarray(values)[own].reshape(size), across, mode), beside)
+                np.pad(np.pad(np.asarray(values)[own].reshape(size), across, mode), beside)
                 for values in (fabric.fold_stiffness, fabric.rest_fold)
             )
-            hinges.append(Hinges(stiffness, rest, fabric.fold_angle))
+            hinges.append(Hinges(jnp.asarray(stiffness), jnp.asarray(rest), fabric.fold_angle))
         walls = jnp.asarray(fabric.z_max), jnp.asarray(fabric.k_wall)
         return cls(tuple(springs), tuple(hinges), *walls, shape.periodic)
 

@@ -76,9 +76,9 @@ class Motion(eqx.Module):
 
     @classmethod
     def at_rest(cls, shape: Shape) -> "Motion":
-        """The beginning of a motion without velocity."""
-        still = jax.tree.map(jnp.zeros_like, shape)
-        none = jnp.zeros(())
+        """The beginning of a motion without velocity, or those of a batch."""
+        still = jax.tree.map(lambda leaf: jnp.asarray(np.zeros(leaf.shape)), shape)
+        none = jnp.asarray(np.zeros(shape.lengths.shape[:-1]))
         return cls(shape, still, none, none, none)
 
 
@@ -318,7 +318,6 @@ def _for_batch(function: Callable[..., Any], shared: int = 0) -> Callable[..., A
 _observe = _for_batch(observed)
 _leap = _for_batch(leapfrog, shared=1)
 _highest_frequencies = _for_batch(highest_frequency)
-_weighted_stiffness = _for_batch(weighted_stiffness)
 _runge_kutta = _for_batch(runge_kutta, shared=1)
 
 
@@ -344,18 +343,22 @@ class Moving:
         cls, bodies: Sequence[Body], shapes: Sequence[Shape], finders: Sequence[PairFinder] = ()
     ) -> "Moving":
         """Fabrics at rest, of one mesh shape; ``finders`` of what touches if they have contact."""
-        stack = partial(jax.tree.map, lambda *leaves: jnp.stack(leaves))
+        # In NumPy, for which nothing is compiled.
+        stack = partial(jax.tree.map, lambda *leaves: jnp.asarray(np.stack(leaves)))
         body = stack(*bodies)
         shape = stack(*shapes)
         touching = None
         if finders:
             touching = ContactLists.at(finders, shape)
             body = replace(body, contact=touching.contact)
-        motion = jax.vmap(Motion.at_rest)(shape)
+        motion = Motion.at_rest(shape)
         seen = _observe(body, motion)
         random = np.random.default_rng(0)
         mode = jax.tree.map(
-            lambda leaf: jnp.broadcast_to(random.normal(size=leaf.shape[1:]), leaf.shape), shape
+            lambda leaf: jnp.asarray(
+                np.broadcast_to(random.normal(size=leaf.shape[1:]), leaf.shape)
+            ),
+            shape,
         )
         none = np.zeros(len(bodies))
         no = none.astype(bool)
@@ -433,8 +436,11 @@ def largest_step(moving: Moving) -> OfCases:
         begin, unraveled = ravel_pytree(mode)
 
         def image(vector: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " unknown"]:
-            found = _weighted_stiffness(body, motion, unraveled(jnp.asarray(vector)))
-            return np.asarray(ravel_pytree(found)[0])
+            # One power iteration, whose program is there.
+            size, found = _highest_frequencies(
+                body, motion, unraveled(jnp.asarray(vector)), np.array([1])
+            )
+            return np.asarray(size * np.linalg.norm(vector)) * np.asarray(ravel_pytree(found)[0])
 
         operator = LinearOperator((len(begin), len(begin)), matvec=image, dtype=float)
         start = np.asarray(begin)
