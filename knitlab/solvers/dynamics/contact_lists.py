@@ -133,7 +133,9 @@ def _chosen(
     slack = {}
     for kind, gap in gaps.items():
         may_touch = gap <= approaches[kind] / COVERED + AWAKE * finder.layers.cell
-        act[kind] = listed.parts[kind].some(np.flatnonzero(may_touch))
+        # The nearest first, so that those that touch are together in few chunks.
+        nearest = np.argsort(np.where(may_touch, gap, np.inf))
+        act[kind] = listed.parts[kind].some(nearest[: np.count_nonzero(may_touch)])
         slack[kind] = np.where(may_touch, np.inf, gap)
     return act, Watch(before, listed.parts, slack)
 
