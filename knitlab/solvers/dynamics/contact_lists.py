@@ -53,7 +53,7 @@ class ContactLists:
     listed: Sequence[Listed]
     contact: Contact  # pairs that act in the coming steps
     now: OfCases  # part that each fabric has used of the margins of its list
-    steps: Sequence["Watch"]  # over each fabric in the coming steps
+    watches: Sequence[Watch]  # over each fabric in the coming steps
 
     @classmethod
     def at(cls, finders: Sequence[PairFinder], shape: Shape) -> "ContactLists":
@@ -72,8 +72,8 @@ class ContactLists:
         """The lists after some steps, and whether pairs that do not act may have touched."""
         places = _places(shape)
         now = self._used(places)
-        fabrics = zip(self.steps, self.finders, places, strict=True)
-        unseen = [steps.used(finder, place) > 1 for steps, finder, place in fabrics]
+        fabrics = zip(self.watches, self.finders, places, strict=True)
+        unseen = [watch.used(finder, place) > 1 for watch, finder, place in fabrics]
         missed = (now > 1) | unseen
         return replace(self, now=np.where(missed, self.now, now)), missed
 
@@ -98,13 +98,13 @@ class ContactLists:
             then = lists._used(ahead(count))
         part = np.clip((COVERED - lists.now) / np.maximum(then - lists.now, 1e-300), 0.0, 1.0)
         covered = np.where(count > 0, np.maximum(part * count, 1), 0).astype(int)
-        acting, steps = [], []
+        acting, watches = [], []
         for each in zip(lists.finders, lists.listed, places, ahead(covered), strict=True):
             act, watch = _chosen(*each)
             acting.append(act)
-            steps.append(watch)
+            watches.append(watch)
         contact = batch_contact(lists.finders, acting)
-        return replace(lists, contact=contact, steps=steps), covered
+        return replace(lists, contact=contact, watches=watches), covered
 
     def _used(self, places: Sequence[Place]) -> OfCases:
         """Part of the margins of its list that each fabric uses; above 1 the list is incomplete."""
