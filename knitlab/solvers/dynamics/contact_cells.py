@@ -177,7 +177,6 @@ def _close(shape: MeshShape, place: Place, within: float) -> CellPairs:
     own = shape.nodes
     cells = number = np.arange(own)
     turns = np.zeros((2, own), int)
-    shift = np.zeros((3, own))
     if shape.periodic:
         # Images whose boxes may come near those of the fabric.
         inner = low.min(axis=1, keepdims=True) - within
@@ -188,11 +187,11 @@ def _close(shape: MeshShape, place: Place, within: float) -> CellPairs:
             image = np.broadcast_to(period[:, None], (2, own))[:, reaches]
             cells = np.concatenate([cells, number[reaches]])
             turns = np.concatenate([turns, image], axis=1)
-            shift = np.concatenate([shift, np.broadcast_to(by, (3, own))[:, reaches]], axis=1)
     # Boxes can only be so close if their centres are, in units of the largest box.
     scale = (high - low).max(axis=1) + within
-    centres = ((low + high)[:, cells] / 2 + shift).T / scale
-    one, other = cKDTree(centres).query_pairs(1.0, p=np.inf, output_type="ndarray").T
+    centres = (low + high)[:, cells] / 2
+    centres[:2] += turns * place.lengths[:, None]
+    one, other = cKDTree(centres.T / scale).query_pairs(1.0, p=np.inf, output_type="ndarray").T
     # Images come last, so that the first of a pair is in the fabric if any of them is.
     rows, columns = np.divmod(cells, shape.nodes_x) + turns[::-1] * [
         [shape.nodes_y],

@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 from knitlab.model.contact_layers import ContactLayers
 from knitlab.solvers.dynamics.contact_cells import Place
 from knitlab.solvers.dynamics.contact_forces import Contact, Kind, PairList, chunk_size
-from knitlab.solvers.dynamics.contact_pairs import Listed, PairFinder, Parts
+from knitlab.solvers.dynamics.contact_pairs import Listed, PairFinder, Parts, approaches
 from knitlab.solvers.dynamics.grid import Shape
 
 COVERED = 0.8  # part of its margins that a motion may use of a list, if it gains no speed
@@ -38,10 +38,10 @@ class Watch:
     slack: dict[Kind, Float[np.ndarray, " pair"]]
     """By how much they may approach before they touch unseen [mm]; infinite for those that act."""
 
-    def used(self, finder: PairFinder, place: Place) -> float:
+    def used(self, place: Place) -> float:
         """Largest part of their slack by which pairs may have approached on the way to a place."""
-        approaches = finder.approaches(self.parts, _motion(self.before, place))
-        parts = (approaches[kind] / slack for kind, slack in self.slack.items())
+        nearer = approaches(self.parts, _motion(self.before, place))
+        parts = (nearer[kind] / slack for kind, slack in self.slack.items())
         return max(float(np.max(part, initial=0.0)) for part in parts)
 
 
@@ -72,10 +72,8 @@ class ContactLists:
         """The lists after some steps, and whether pairs that do not act may have touched."""
         places = _places(shape)
         now = self._used(places)
-        fabrics = zip(self.watches, self.finders, places, strict=True)
-        unseen = [watch.used(finder, place) > 1 for watch, finder, place in fabrics]
-        missed = (now > 1) | unseen
-        return replace(self, now=np.where(missed, self.now, now)), missed
+        unseen = [watch.used(place) > 1 for watch, place in zip(self.watches, places, strict=True)]
+        return replace(self, now=now), (now > 1) | unseen
 
     def covering(
         self, shape: Shape, velocity: Shape, step: OfCases, count: Int[np.ndarray, " case"]
@@ -128,11 +126,11 @@ def _chosen(
 ) -> tuple[dict[Kind, Parts], Watch]:
     """The pairs that may touch on the way from one place to another, and a watch over the rest."""
     gaps = finder.gaps(listed.parts, before)
-    approaches = finder.approaches(listed.parts, _motion(before, ahead))
+    nearer = approaches(listed.parts, _motion(before, ahead))
     act = {}
     slack = {}
     for kind, gap in gaps.items():
-        may_touch = gap <= approaches[kind] / COVERED + AWAKE * finder.layers.cell
+        may_touch = gap <= nearer[kind] / COVERED + AWAKE * finder.layers.cell
         # The nearest first, so that those that touch are together in few chunks.
         nearest = np.argsort(np.where(may_touch, gap, np.inf))
         act[kind] = listed.parts[kind].some(nearest[: np.count_nonzero(may_touch)])

@@ -1,6 +1,6 @@
 """Search of the pairs of parts of a fabric that may come within reach of each other."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import NamedTuple
@@ -140,14 +140,8 @@ class PairFinder:
         begins = self.layers.far.begins, self.layers.near.begins
         return {
             kind: each - np.where(parts[kind].near, begins[1], begins[0])
-            for kind, each in _of_parts(parts, place, _part_distances)
+            for kind, each in _of_parts(parts, place, _part_distances).items()
         }
-
-    def approaches(
-        self, parts: dict[Kind, Parts], motion: Place
-    ) -> dict[Kind, Float[np.ndarray, "pair"]]:
-        """By how much pairs of parts may have approached in a motion, at most [mm]."""
-        return dict(_of_parts(parts, motion, _part_approaches))
 
     def _candidates(
         self,
@@ -161,19 +155,15 @@ class PairFinder:
         gap = distances[which, pair] - self.layers.far.begins
         found = Candidates(pair, which, np.zeros(len(pair), bool), gap)
         # Cells farther apart on the grid than these have parts that are far.
-        reach = self.layers.near_cells
-        rows, columns = pairs.steps
-        apart = np.maximum(np.abs(rows), np.abs(columns))
-        close = np.flatnonzero(apart[pair] <= reach + 1)
-        steps = which[close], rows[pair[close]] + reach + 1, columns[pair[close]] + reach + 1
-        some_near, some_far = _relations(kind, reach)
-        near = _some(found, close[some_near[steps]])
+        most = self.layers.near_cells + 2
+        rows, columns = np.clip(pairs.steps, -most, most) + most
+        steps = which, rows[pair], columns[pair]
+        some_near, some_far = _relations(kind, self.layers.near_cells)
+        near = _some(found, some_near[steps])
         nearer = self.layers.far.begins - self.layers.near.begins
         near = near._replace(near=~near.near, gap=near.gap + nearer)
         near = _some(near, near.gap <= margin)
-        is_far = np.ones(len(pair), bool)
-        is_far[close] = some_far[steps]
-        both = zip(_some(found, is_far), near, strict=True)
+        both = zip(_some(found, some_far[steps]), near, strict=True)
         found = Candidates(*(np.concatenate(each) for each in both))
         if self.shape.periodic:
             return found
@@ -190,14 +180,10 @@ class PairFinder:
         found = _some(found, np.argsort(found.gap)[: np.count_nonzero(found.gap <= margin)])
         cells, corners = _owners(kind, pairs, found)
         nodes, turns, _ = grid_cells(self.shape)
-        images = np.zeros((2, *cells.shape), np.int8)
-        if self.shape.periodic:
-            of_other = _OF_OTHER[kind][found.which].T
-            images += (
-                turns[:, corners, cells] + pairs.turns[:, None, found.pair] * of_other
-            ).astype(np.int8)
+        of_other = _OF_OTHER[kind][found.which].T
+        images = turns[:, corners, cells] + pairs.turns[:, None, found.pair] * of_other
         parallel = PARALLEL * _SQUARES[kind][found.which]
-        return Parts(nodes[corners, cells], images, found.near, parallel, found.gap)
+        return Parts(nodes[corners, cells], images.astype(np.int8), found.near, parallel, found.gap)
 
 
 def _some(
@@ -236,12 +222,12 @@ def _relations(
 ) -> tuple[Bool[np.ndarray, "which row column"], Bool[np.ndarray, "which row column"]]:
     """Whether some corners of both parts are near each other, and whether some are far.
 
-    By the rows and columns from the first cell to the second, up to one beyond ``reach``. Parts
+    By the rows and columns from the first cell to the second, up to two beyond ``reach``. Parts
     that share a corner are neither.
     """
     steps = _STEPS[kind] * np.where(_OF_OTHER[kind], 1, -1)[..., None]
     corners = steps[:, : SPLIT[kind], None] + steps[:, None, SPLIT[kind] :]
-    cells = np.moveaxis(np.indices((2 * reach + 3,) * 2) - reach - 1, 0, -1)
+    cells = np.moveaxis(np.indices((2 * reach + 5,) * 2) - reach - 2, 0, -1)
     between = np.abs(cells[:, :, None, None] + corners[:, None, None]).max(axis=-1)
     apart = (between > 0).all(axis=(-1, -2))
     return (
@@ -313,11 +299,17 @@ def _used(
     return jnp.max((jnp.sqrt(square) + spread[one] + spread[other]) / watched.slack)
 
 
+def approaches(parts: dict[Kind, Parts], motion: Place) -> dict[Kind, Float[np.ndarray, "pair"]]:
+    """By how much pairs of parts may have approached in a motion, at most [mm]."""
+    return _of_parts(parts, motion, _part_approaches)
+
+
 def _of_parts(
     parts: dict[Kind, Parts], place: Place, function: Callable[..., Array]
-) -> Iterator[tuple[Kind, Float[np.ndarray, " pair"]]]:
+) -> dict[Kind, Float[np.ndarray, " pair"]]:
     """A number of every pair of parts, by a function that takes some of them."""
     at = jnp.asarray(place.positions.T), jnp.asarray(place.lengths)
+    numbers = {}
     for kind, each in parts.items():
         count = each.gap.size
         spare = -count % PASS
@@ -327,7 +319,8 @@ def _of_parts(
             function(kind, *at, nodes[:, some], turns[..., some])
             for some in (slice(start, start + PASS) for start in range(0, count, PASS))
         ]
-        yield kind, np.concatenate([np.zeros(0), *found])[:count]
+        numbers[kind] = np.concatenate([np.zeros(0), *found])[:count]
+    return numbers
 
 
 def _at_corners(
