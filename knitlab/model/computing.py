@@ -22,6 +22,7 @@ class _Kept:
     lock = threading.Lock()
     count = 0
     before: ClassVar[dict[str, object]] = {}
+    level: ClassVar[str] = "NOTSET"  # of messages of JAX and XLA
 
 
 @contextmanager
@@ -29,7 +30,9 @@ def computing() -> Iterator[None]:
     """Set JAX to float64, and to keep compiled programs, while a context or a function runs.
 
     Flags that the user has set are put back. Those of precision are of the calling thread; those of
-    kept programs are of the process, until the last computation ends.
+    kept programs and of messages are of the process, until the last computation ends. JAX and XLA
+    are silent meanwhile: on some processors XLA writes two long lines about every kept program
+    (jax#38445), and what goes wrong is raised as an error anyway.
 
     Raises:
         MachineError: if JAX cannot be used here, whatever the design.
@@ -57,6 +60,8 @@ def _programs_kept() -> Iterator[None]:
             flags = cache_flags()
             _Kept.before = {name: getattr(jax.config, name) for name in flags}
             _update(flags)
+            _Kept.level = jax.config.jax_logging_level
+            jax.config.update("jax_logging_level", "CRITICAL")
         _Kept.count += 1
     try:
         yield
@@ -64,6 +69,8 @@ def _programs_kept() -> Iterator[None]:
         with _Kept.lock:
             _Kept.count -= 1
             if _Kept.count == 0:
+                jax.config.update("jax_logging_level", "WARNING")  # NOTSET leaves XLA's as it is
+                jax.config.update("jax_logging_level", _Kept.level)
                 _update(_Kept.before)
 
 

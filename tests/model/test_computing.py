@@ -19,6 +19,7 @@ PROCESS_FLAGS = (
     "jax_compilation_cache_dir",
     "jax_compilation_cache_max_size",
     "jax_enable_compilation_cache",
+    "jax_logging_level",
 )
 
 
