@@ -25,7 +25,7 @@ GROWTH, CUT = 1.1, 0.5
 FIRST_MIXING, MIXING_DECAY = 0.25, 0.99
 LARGEST, SMALLEST = 10.0, 0.02
 """Largest and smallest time step over the initial one."""
-MOST_TURNS = 2000
+MAX_TURNS = 2000
 STEPS_AT_A_TIME = 100
 """Steps of one compiled loop."""
 
@@ -90,7 +90,7 @@ def _compiled(shape: MeshShape) -> Callable[..., tuple[_Motion, Array]]:
         last = motion.steps + STEPS_AT_A_TIME
         ended = lax.while_loop(
             lambda m: (
-                (m.steps < last) & (jnp.abs(m.force).max() > tolerance) & (m.turns < MOST_TURNS)
+                (m.steps < last) & (jnp.abs(m.force).max() > tolerance) & (m.turns < MAX_TURNS)
             ),
             partial(_step, force, first_step),
             motion,
@@ -111,7 +111,7 @@ def fire(first_step: float) -> Search:
             motion, residual = _compiled(problem.shape)(problem.fabric, is_free, *numbers, motion)
             if residual <= problem.tolerance:
                 return np.asarray(motion.position)
-            if not np.isfinite(residual) or int(motion.turns) >= MOST_TURNS:
+            if not np.isfinite(residual) or int(motion.turns) >= MAX_TURNS:
                 raise GivenUp("FIRE diverged or turned without end")
 
     return search

@@ -30,7 +30,7 @@ BAND = 0.25  # opacity of a band
 BREAK = "break: the fabric snaps there"
 ENDED = "the test did not converge beyond"
 NEGLIGIBLE = 1e-9  # value that is zero but for round-off
-MAX_OVER_LEAST = 3.0  # ratio of the ranges of panels up to which they share an axis
+MAX_RANGE_RATIO = 3.0  # ratio of the ranges of panels up to which they share an axis
 
 
 class Row(NamedTuple):
@@ -92,7 +92,7 @@ def _has(designs: Iterable[xr.Dataset], name: str) -> bool:
 def _share(panels: Sequence[Axes]) -> None:
     """Give panels side by side one axis, unless a curve would fill little of it."""
     heights = [np.ptp(panel.get_ylim()) for panel in panels]
-    if max(heights) <= MAX_OVER_LEAST * min(heights):
+    if max(heights) <= MAX_RANGE_RATIO * min(heights):
         for panel in panels[1:]:
             panel.sharey(panels[0])
             panel.tick_params(labelleft=False)

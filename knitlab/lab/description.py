@@ -22,7 +22,7 @@ from knitlab.io.toml import StrictModel, read_checked
 from knitlab.lab.tracks.track_file import YAxis
 from knitlab.model.stripe import periods_per_patch
 from knitlab.observables.schema import SIMULATION
-from knitlab.runs.workflow import MOST_STEPS, even_strains
+from knitlab.runs.workflow import MAX_STRAIN_STEPS, even_strains
 
 Towards = Literal["right", "left", "up", "down"]
 RecordKind = Literal["markers", "tensile", "capacitance"]
@@ -105,9 +105,9 @@ class ProtocolTable(StrictModel):
     @model_validator(mode="after")
     def _is_a_number_of_steps(self) -> "ProtocolTable":
         steps = self.strain_max / self.strain_step
-        if abs(steps - round(steps)) > 1e-6 or steps > MOST_STEPS:
+        if abs(steps - round(steps)) > 1e-6 or steps > MAX_STRAIN_STEPS:
             given = f"strain_max = {self.strain_max:g} over strain_step = {self.strain_step:g}"
-            raise ValueError(f"{given} is not a whole number up to {MOST_STEPS}; change one")
+            raise ValueError(f"{given} is not a whole number up to {MAX_STRAIN_STEPS}; change one")
         return self
 
     @property

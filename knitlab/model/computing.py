@@ -15,6 +15,8 @@ from jax.experimental.compilation_cache import compilation_cache
 from knitlab.io.errors import MachineError, Mistake
 from knitlab.model.compiled_programs import cache_flags
 
+LEVEL = "jax_logging_level"  # of messages of JAX and XLA
+
 
 class _Kept:
     """How many computations run, and the flags of the process before the first began."""
@@ -22,7 +24,7 @@ class _Kept:
     lock = threading.Lock()
     count = 0
     before: ClassVar[dict[str, object]] = {}
-    level: ClassVar[str] = "NOTSET"  # of messages of JAX and XLA
+    level: ClassVar[str] = "NOTSET"
 
 
 @contextmanager
@@ -60,8 +62,8 @@ def _programs_kept() -> Iterator[None]:
             flags = cache_flags()
             _Kept.before = {name: getattr(jax.config, name) for name in flags}
             _update(flags)
-            _Kept.level = jax.config.jax_logging_level
-            jax.config.update("jax_logging_level", "CRITICAL")
+            _Kept.level = getattr(jax.config, LEVEL)
+            jax.config.update(LEVEL, "CRITICAL")
         _Kept.count += 1
     try:
         yield
@@ -69,8 +71,8 @@ def _programs_kept() -> Iterator[None]:
         with _Kept.lock:
             _Kept.count -= 1
             if _Kept.count == 0:
-                jax.config.update("jax_logging_level", "WARNING")  # NOTSET leaves XLA's as it is
-                jax.config.update("jax_logging_level", _Kept.level)
+                jax.config.update(LEVEL, "WARNING")  # NOTSET leaves XLA's as it is
+                jax.config.update(LEVEL, _Kept.level)
                 _update(_Kept.before)
 
 

@@ -24,7 +24,7 @@ TREND_WINDOW = 1.7343
 """Window of the filter in wavelengths: the lowest at which a quadratic Savitzky–Golay filter
 passes nothing of the wave, so that removing the trend does not change the wave."""
 ROUNDS = 3  # number of iterations of window and wavelength
-FEWEST_WAVES = 2  # waves along a line below which a trend cannot be distinguished from a wave
+MIN_WAVES = 2  # waves along a line below which a trend cannot be distinguished from a wave
 PERIODIC_CELLS = 8  # number of unit cells over which the boundary of periodic fabric is traced
 
 Direction = Literal["x", "y"]
@@ -63,7 +63,7 @@ def boundary_wave(
 ) -> Wave | None:
     """The wave of that boundary; ``None`` if it crosses too few unit cells."""
     waves = cells.count[1 if direction == "x" else 0] * (PERIODIC_CELLS if shape.periodic else 1)
-    if waves < FEWEST_WAVES:
+    if waves < MIN_WAVES:
         return None
     return wave_of(boundary_line(shape, cells, configuration, direction), waves)
 
@@ -74,7 +74,7 @@ def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
     Only waves within a factor of two of the stated number of waves are searched. Raises ValueError
     for fewer than two waves, too few points to resolve them, or a point that is not finite.
     """
-    if waves < FEWEST_WAVES:
+    if waves < MIN_WAVES:
         raise ValueError(f"{waves:g} waves are too few for a wavelength; trace 2 at least")
     if not np.isfinite(line).all():
         raise ValueError("a point of the line is not finite; leave it out")

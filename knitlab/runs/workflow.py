@@ -54,9 +54,9 @@ from knitlab.solvers.methods import METHODS
 Sizes = Annotated[tuple[Count, ...], Field(min_length=1, max_length=300, strict=False)]
 """Numbers of stitches."""
 
-MOST_STEPS = 1000  # largest number of strain steps of a test
-MOST_CYCLES = 1000  # of a test
-MOST_COPIES = 100  # perturbed copies of a design
+MAX_STRAIN_STEPS = 1000  # of a test
+MAX_CYCLES = 1000  # of a test
+MAX_COPIES = 100  # perturbed copies of a design
 
 
 def _known_figure(name: str) -> str:
@@ -150,15 +150,15 @@ class ProtocolSection(StrictModel):
     strain_max: Annotated[float, Field(ge=0)] = 0.45
     strain_step: PositiveFloat = 0.03
     further_strains: Annotated[
-        tuple[PositiveFloat, ...], Field(strict=False, max_length=MOST_STEPS)
+        tuple[PositiveFloat, ...], Field(strict=False, max_length=MAX_STRAIN_STEPS)
     ] = ()
     load: LoadName = "warp"
     load_ratio: Annotated[FiniteFloat, Field(gt=-1)] | None = None
     load_angle: Annotated[float, Field(ge=0, lt=180), Unit("degree")] | None = None
-    cycle: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 1
+    cycle: Annotated[int, Field(ge=1, le=MAX_CYCLES)] = 1
     sensitivities: bool = False
     unloading: bool = False
-    robustness: Annotated[int, Field(ge=0, le=MOST_COPIES)] = 0
+    robustness: Annotated[int, Field(ge=0, le=MAX_COPIES)] = 0
 
     @model_validator(mode="after")
     def _is_a_possible_test(self) -> "ProtocolSection":
@@ -174,8 +174,8 @@ class ProtocolSection(StrictModel):
         if abs(steps - round(steps)) > 1e-6:
             message = f"is not a whole multiple of strain_step = {step:g}; change one"
             raise ValueError(f"strain_max = {largest:g} {message}")
-        if steps > MOST_STEPS:
-            raise ValueError(f"gives {steps:.3g} strains; give at most {MOST_STEPS}")
+        if steps > MAX_STRAIN_STEPS:
+            raise ValueError(f"gives {steps:.3g} strains; give at most {MAX_STRAIN_STEPS}")
         return self
 
     @property

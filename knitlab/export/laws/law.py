@@ -33,7 +33,7 @@ from knitlab.io.names import check_suffix
 from knitlab.observables.schema import STRAIN
 from knitlab.solvers.plate_condensation import PlateStatus
 
-FEWEST_TESTS = 4
+MIN_TESTS = 4
 WEAK = 0.2  # of the largest force of a test, below which its errors are relative to this
 MOST = 0.8  # of the states of a test that others enclose so that they predict it
 
@@ -143,8 +143,8 @@ class Law:
 def law_of(cube: xr.Dataset, rows: xr.Dataset) -> Law:
     """The law of the tests of one design of a cube, by their rows."""
     tests = strain_tests(rows)
-    if len(tests) < FEWEST_TESTS:
-        message = f"has {len(tests)} tests of this design; a law needs {FEWEST_TESTS}"
+    if len(tests) < MIN_TESTS:
+        message = f"has {len(tests)} tests of this design; a law needs {MIN_TESTS}"
         raise invalid(cube_name(cube), f"{message}, as of the workflow law")
     # Angles beyond 90° are simulated where the fabric is not its own mirror image.
     mirrored = all(test.angle <= 90 for test in tests)

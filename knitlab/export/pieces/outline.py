@@ -18,7 +18,7 @@ SVG = ".svg"
 WIDENING = "widening"  # a column of the table [1]
 CURVE_POINTS = 64  # on a curve of a drawing
 POINTS = 2000  # at equal distances, that stand for a line
-LEAST_SIZE = 1e-6  # of an outline [mm]
+MIN_SIZE = 1e-6  # of an outline [mm]
 PHYSICAL = ("mm", "cm", "in", "pt", "pc", "q")
 
 Points = Float[np.ndarray, "point 2"]
@@ -43,7 +43,7 @@ class Outline:
     def of(cls, points: Points, name: str) -> "Outline":
         """The outline through points; InputError if a course would cross it more than twice."""
         low, high = points.min(axis=0), points.max(axis=0)
-        if not (np.isfinite(points).all() and (high - low).min() > LEAST_SIZE):
+        if not (np.isfinite(points).all() and (high - low).min() > MIN_SIZE):
             raise invalid(name, "has no area; give a closed outline")
         outline = cls(points - [(low[0] + high[0]) / 2, low[1]])
         levels = np.unique(outline.points[:, 1])

@@ -23,8 +23,8 @@ from knitlab.solvers.case import Case
 from knitlab.solvers.equilibrium.settings import Solver
 
 Border = Literal["whole", "plain", "cut"]
-LEAST_CELLS = 2  # grid cells of a row
-LEAST_PATCHES = 2  # along each axis, so that there is a unit cell
+MIN_CELLS = 2  # grid cells of a row
+MIN_PATCHES = 2  # along each axis, so that there is a unit cell
 MAX_NODES = 60_000  # of the grid of a piece, about an hour on a core
 
 Along = Float[np.ndarray, " row"]
@@ -130,7 +130,7 @@ class Fabric:
         _, factors = factor.at(np.linspace(0, 1, 101))
         periods = length / (kind.cell[1] * float(factors.mean()) * cells)
         unit = kind.periods if self.border == "whole" else 1
-        count = max(round(periods / unit) * unit, LEAST_PATCHES * kind.periods)
+        count = max(round(periods / unit) * unit, MIN_PATCHES * kind.periods)
         whole, rest = divmod(count, kind.periods)
         return [kind] * whole + [replace(kind, periods=rest)] * (rest > 0)
 
@@ -153,7 +153,7 @@ class Fabric:
         left, right = self._edges(outline, rows, scale.width, lines)
         patch = self.patch
         first = int(left.min() // patch) * patch
-        patches_x = max(-(-int(right.max() - first) // patch), LEAST_PATCHES)
+        patches_x = max(-(-int(right.max() - first) // patch), MIN_PATCHES)
         spans = tuple(zip((left - first).tolist(), (right - first).tolist(), strict=True))
         if len(lines) * patches_x * patch > MAX_NODES:
             message = f"of {outline.size[0]:.0f} × {outline.size[1]:.0f} mm takes a grid of"
@@ -185,7 +185,7 @@ class Fabric:
         columns = float((right - left).max())
         shift = patch / 2 * (round(columns / patch) % 2)
         left, right = (np.rint((edge + shift) / unit).astype(int) * unit for edge in (left, right))
-        least = max(unit, LEAST_CELLS)
+        least = max(unit, MIN_CELLS)
         right = np.maximum(right, left + least)
         return left, right
 

@@ -16,7 +16,7 @@ from knitlab.figures.style import TWO_COLUMNS, Look
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import STRAIN
 
-LEAST_WIDTH = 0.65  # of a panel, for its title [inch]
+MIN_WIDTH = 0.65  # of a panel, for its title [inch]
 MAX_HEIGHT = 7.5  # of the figure [inch]
 
 
@@ -40,7 +40,7 @@ def samples(cases: Sequence[xr.Dataset]) -> Figure:
     spans = [np.ptp(state["position"].values[..., :2], axis=(0, 1)) for state in states]
     widths, heights = 1.1 * np.transpose(spans)
     # No panel is narrower than its title.
-    widths = np.maximum(widths, widths.sum() * LEAST_WIDTH / TWO_COLUMNS)
+    widths = np.maximum(widths, widths.sum() * MIN_WIDTH / TWO_COLUMNS)
     height = min(0.75 * TWO_COLUMNS * heights.max() / widths.sum() + 1.3, MAX_HEIGHT)
     look: Look = {"squeeze": False, "sharey": True, "width_ratios": widths}
     figure, (grid,) = style.subplots(height, 1, len(states), **look)

@@ -22,7 +22,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from knitlab.solvers.dynamics.grid import Shape
-from knitlab.solvers.dynamics.vectors import Component, Vector, add, dot, kept, scale, subtract
+from knitlab.solvers.dynamics.vectors import (
+    Component,
+    Vector,
+    add,
+    dot,
+    materialised,
+    scale,
+    subtract,
+)
 
 Kind = Literal["triangle", "edges"]  # of a pair of parts: a node and a triangle, or two edges
 Corners = tuple[Vector, Vector, Vector, Vector]
@@ -333,7 +341,7 @@ def _approach(pairs: PairList, corners: Corners, kind: Kind) -> Approach:
     return Approach(weights, normal, distance, excess, factor)
 
 
-@kept
+@materialised
 def _twists(pairs: PairList, corners: Corners, force: Component) -> OfCorners:
     """Forces on the ends of edges along the derivatives of the factor if they are parallel."""
     crossed = crossing(corners)
@@ -343,7 +351,7 @@ def _twists(pairs: PairList, corners: Corners, force: Component) -> OfCorners:
     return [jnp.stack([-first, first, -second, second]) for first, second in ends]
 
 
-APPROACHES = {kind: kept(partial(_approach, kind=kind)) for kind in CLOSEST}
+APPROACHES = {kind: materialised(partial(_approach, kind=kind)) for kind in CLOSEST}
 
 
 NEWTON_STEPS = 4  # for the force of a pair
@@ -586,7 +594,7 @@ def _turns(chunk: Chunk) -> Float[Array, "2 pair"]:
     return jnp.einsum("kp,akp->ap", jnp.stack(chunk.approach.weights), chunk.pairs.turns)
 
 
-@kept
+@materialised
 def force_after(pairs: PairList, reached: Component, softness: Component) -> Component:
     """Force f of pairs at the distance reached + ``softness`` · f to which it brings them [N].
 
@@ -612,7 +620,7 @@ def force_after(pairs: PairList, reached: Component, softness: Component) -> Com
     return jnp.where(touching, pairs.force(distance, excess), 0.0)
 
 
-@kept
+@materialised
 def _changed(
     pairs: PairList, reached: Component, softness: Component, before: Component
 ) -> tuple[Component, Component]:

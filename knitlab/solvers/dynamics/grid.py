@@ -29,7 +29,7 @@ from knitlab.solvers.dynamics.vectors import (
     arctan2,
     cross,
     dot,
-    kept,
+    materialised,
     norm,
     scale,
     subtract,
@@ -231,7 +231,7 @@ class GridFabric(eqx.Module):
             z = z + self.k_wall * self._beyond(shape.positions[2])
         return Shape((x, y, z), lengths)
 
-    @kept
+    @materialised
     def _turned(self, around: Surroundings) -> list[tuple[Component, ...]]:
         lengths = around.lengths[1], around.lengths[0]
         return [
@@ -241,7 +241,7 @@ class GridFabric(eqx.Module):
             )
         ]
 
-    @kept
+    @materialised
     def _by_normal(self, around: Surroundings, turned: list[tuple[Component, ...]]) -> OnLines:
         (wale_before, wale_after), (course_before, course_after) = (
             own.by_normals(numbers, *vectors)
@@ -255,7 +255,7 @@ class GridFabric(eqx.Module):
             _at(course_after, BEFORE, INNER),
         )
 
-    @kept
+    @materialised
     def _by_edges(
         self, around: Surroundings, turned: list[tuple[Component, ...]], by_normal: OnLines
     ) -> tuple[OnLines, OnLines, OnLines, OnLines]:
@@ -293,7 +293,7 @@ class GridFabric(eqx.Module):
         )
 
 
-@kept
+@materialised
 def _surroundings(around: OnLines) -> Surroundings:
     """Edges, their lengths and normals, from positions with those beyond open edges."""
     weft = subtract(_at(around, INNER, AFTER), _at(around, INNER, BEFORE))

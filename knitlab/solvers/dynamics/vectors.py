@@ -2,7 +2,7 @@
 
 XLA fuses operations on three arrays into one loop over the grid; with components along an axis it
 would write every intermediate vector to memory. It would also compute again what several loops
-need: :func:`kept` says what to write to memory instead.
+need: :func:`materialised` says what to write to memory instead.
 """
 
 from collections.abc import Callable
@@ -38,7 +38,7 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
-def kept(stage: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+def materialised(stage: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Decorator of a function whose results a program for the processor keeps in memory.
 
     Otherwise XLA fuses it into every loop that uses a result. An optimisation barrier does not

@@ -18,7 +18,7 @@ from knitlab.model.spring_curve import SpringCurve
 from knitlab.model.stripe_numbers import StripePair
 from knitlab.solvers.dynamics.damped_test import on_grid
 from knitlab.solvers.dynamics.grid import GridFabric
-from knitlab.solvers.dynamics.vectors import kept
+from knitlab.solvers.dynamics.vectors import materialised
 from tests.fabrics import SHEET, assemble_fabric, checkerboard, off_grid, shaken, stripe
 
 CURVE = SpringCurve((0.0, 0.02, 0.05, 0.1, 0.2), (0.0, 1.0, 4.0, 13.0, 40.0))
@@ -149,7 +149,9 @@ def test_a_program_computes_what_is_kept_once():
         return values[1:] * values[:-1]
 
     numbers = jnp.arange(10.0)
-    direct, once = (jax.jit(lambda x, of=of: neighbours(of, x)) for of in (squares, kept(squares)))
+    direct, once = (
+        jax.jit(lambda x, of=of: neighbours(of, x)) for of in (squares, materialised(squares))
+    )
     np.testing.assert_array_equal(direct(numbers), once(numbers))
     loops = [
         program.lower(numbers).compile().as_text().count(" fusion(") for program in (direct, once)
