@@ -15,9 +15,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from knitlab.model.contact_layers import ContactLayers
+from knitlab.solvers.dynamics.closest_points import Kind
 from knitlab.solvers.dynamics.contact_cells import Place
-from knitlab.solvers.dynamics.contact_forces import Contact, Kind, PairList, chunk_size
 from knitlab.solvers.dynamics.contact_pairs import Listed, PairFinder, Parts, approaches
+from knitlab.solvers.dynamics.contact_potential import Contact, PairList, chunk_size
 from knitlab.solvers.dynamics.grid import Shape
 
 COVERED = 0.8  # part of its margins that a motion may use of a list, if it gains no speed

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from knitlab.model.contact_layers import TRIANGLES, ContactLayers
 from knitlab.model.network import MeshShape
+from knitlab.solvers.dynamics.closest_points import Kind, distance
 from knitlab.solvers.dynamics.contact_cells import (
     CORNERS,
     CellCorners,
@@ -21,7 +22,6 @@ from knitlab.solvers.dynamics.contact_cells import (
     grid_cells,
     neighbours,
 )
-from knitlab.solvers.dynamics.contact_forces import Kind, distance
 
 EDGES = np.array([[[0, 0], [0, 1]], [[0, 0], [1, 0]], [[0, 0], [1, 1]]])
 """Edges that a cell owns, by the steps (y, x) to their corners; its node is at [0, 0]."""

@@ -18,9 +18,10 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from knitlab.model.energy import Energy
-from knitlab.solvers.dynamics.contact_forces import Contact, Workspace, contact_forces
+from knitlab.solvers.dynamics.contact_forces import Workspace, contact_forces
 from knitlab.solvers.dynamics.contact_lists import ContactLists
 from knitlab.solvers.dynamics.contact_pairs import PairFinder
+from knitlab.solvers.dynamics.contact_potential import Contact
 from knitlab.solvers.dynamics.grid import GridFabric, Shape
 from knitlab.solvers.dynamics.settings import Dynamics
 

@@ -16,11 +16,13 @@ from knitlab.model.fabric import Configuration, flat_sheet
 from knitlab.model.settings import ModelOptions
 from knitlab.model.surfaces import self_intersections
 from knitlab.solvers.dynamics import damped_test
+from knitlab.solvers.dynamics.closest_points import CLOSEST
+from knitlab.solvers.dynamics.closest_points import distance as distance_of
 from knitlab.solvers.dynamics.contact_cells import Place
-from knitlab.solvers.dynamics.contact_forces import CLOSEST, PairList, force_after
-from knitlab.solvers.dynamics.contact_forces import distance as distance_of
+from knitlab.solvers.dynamics.contact_forces import force_after
 from knitlab.solvers.dynamics.contact_lists import ContactLists, batch_contact
 from knitlab.solvers.dynamics.contact_pairs import PairFinder
+from knitlab.solvers.dynamics.contact_potential import PairList
 from knitlab.solvers.dynamics.damped_test import relax_by_dynamics
 from knitlab.solvers.dynamics.grid import Shape
 from knitlab.solvers.dynamics.settings import Dynamics
