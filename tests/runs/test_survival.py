@@ -129,6 +129,15 @@ def simulate_and_lose_an_interrupt(results, cases, progress):
     fake_simulator.simulate(results, cases, progress)
 
 
+@pytest.fixture
+def ctrl_c():
+    """Ctrl-C as in a terminal, even if this process was started in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("ctrl_c")
 def test_a_batch_of_this_process_stops_though_the_exception_of_a_signal_is_lost(tmp_path):
     plan = fake_simulator.plan_of(1)
     run = ran(plan, tmp_path, simulate_and_lose_an_interrupt)

@@ -116,14 +116,14 @@ def test_json_and_csv_have_every_number_and_its_unit(plates, tmp_path):
         wanted = stiffness_matrix(plates.sel({name: each[name] for name in ONE}))
         np.testing.assert_allclose(each["ABD"], wanted, atol=1e-8)
     kl.plate_stiffness(PREVIEW, tmp_path / "table.csv", applied_strain=[0.12, 0.15, 0.45])
-    table = pd.read_csv(tmp_path / "table.csv", float_precision="round_trip")
+    table = pd.read_csv(tmp_path / "table.csv", dtype=str)
     assert table["status"].tolist() == ["ok"] * 5 + ["negative"]
-    row = table[(table["n_stripe"] == 4) & (table["applied_strain"] == 0.15)].iloc[0]
+    row = table[(table["n_stripe"] == "4") & (table["applied_strain"] == "0.15")].iloc[0]
     state = plates.sel(ONE)
-    assert row["A12 [N/mm]"] == state["membrane_stiffness"].sel(row="xx", column="yy")
-    assert row["B61 [N]"] == state["coupling_stiffness"].sel(row="xy", column="xx")
-    assert row["D66 [N mm]"] == state["bending_stiffness"].sel(row="xy", column="xy")
-    assert row["M2 [N]"] == state["moment"].sel(row="yy")
+    assert float(row["A12 [N/mm]"]) == state["membrane_stiffness"].sel(row="xx", column="yy")
+    assert float(row["B61 [N]"]) == state["coupling_stiffness"].sel(row="xy", column="xx")
+    assert float(row["D66 [N mm]"]) == state["bending_stiffness"].sel(row="xy", column="xy")
+    assert float(row["M2 [N]"]) == state["moment"].sel(row="yy")
 
 
 @pytest.mark.parametrize(
