@@ -14,6 +14,7 @@ import pytest
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "squeue", "scancel", "scontrol", "sinfo")
 PATHS = os.pathsep.join([os.environ["PATH"], "/usr/sbin", "/usr/local/sbin"])
 NODES = ("n1", "n2")
+NOT_ENDED = {"PENDING", "RUNNING", "SIGNALING", "COMPLETING", "REQUEUED"}  # states of a task
 SECONDS_TO_START = 30
 SECONDS_OF_JOBS = 300
 CONFIGURATION = """
@@ -138,7 +139,7 @@ class Slurm:
 
     def ended(self, job: str) -> bool:
         """Whether all tasks of a job have ended."""
-        return not {*self.states(job).values()} & {"PENDING", "RUNNING", "COMPLETING", "REQUEUED"}
+        return not {*self.states(job).values()} & NOT_ENDED
 
 
 def free_ports(count: int) -> list[int]:
