@@ -1,6 +1,6 @@
 """Relaxed shapes of one fabric, their energies, and what lies between them.
 
-python docs/examples/two_shapes.py  (some minutes) prints the energies of small samples that relax
+python docs/examples/two_shapes.py  (some minutes) prints the energies of samples that relax
 in three ways and the height of the pass between two shapes, and draws two_shapes.png beside it.
 """
 
@@ -37,6 +37,7 @@ def relaxed(design: tuple[int, int], start: str) -> tuple[Case, State]:
         "preview",
         n_stripe=design[0],
         n_subunit=design[1],
+        unit_cells=[4, 3],
         method="equilibrium",
         ending="rest",
         start=start,
