@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from knitlab.solvers.dynamics.damped_test import MovingFabrics, Relaxed
     from knitlab.solvers.equilibrium.state import TensileTest
 
-CONTACT_FACTOR = 12.0  # how much longer fabrics with contact take
+CONTACT_FACTOR = 6.0  # how much longer fabrics with contact take
 TIME_TO_REST = 60.0  # usual duration of a motion until a fabric is at rest [ms]
 STIFFNESS_OF_NODE = 4.7  # largest eigenvalue of the stiffness of a sheet, over the largest k_s
 
