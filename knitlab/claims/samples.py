@@ -132,7 +132,7 @@ class JudgedSamples:
 
     cube: Path
     boundary: str
-    size: str  # unit cells along weft × warp: one size, or smallest and largest
+    size: str  # unit cells along warp × weft: one size, or smallest and largest
     options: str
     experiment: str = ""
 
@@ -141,7 +141,7 @@ class JudgedSamples:
         """Describe the samples ``at`` of a cube at one value of every swept setting."""
         known = {size for labels in at if (size := _unit_cells(cube, labels)) is not None}
         sizes = sorted(known, key=lambda size: (size[0] * size[1], size))
-        ends = [f"{cells_x} × {cells_y}" for cells_x, cells_y in (*sizes[:1], *sizes[-1:])]
+        ends = [f"{cells_y} × {cells_x}" for cells_x, cells_y in (*sizes[:1], *sizes[-1:])]
         boundaries = dict.fromkeys(_boundary_of(cube, labels) for labels in at)
         boundary, span = ", ".join(filter(None, boundaries)), " to ".join(dict.fromkeys(ends))
         options = ", ".join(

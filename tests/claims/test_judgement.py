@@ -225,7 +225,7 @@ def test_a_judgement_names_its_samples_and_contrary_cubes(written, tmp_path):
     ((each,), (samples,)) = judgements, judgements[0].samples
     assert (each.result.verdict, each.result.grade) == (Grade.holds, Grade.holds)
     assert each.cubes == (written / "smaller.nc",)
-    assert (samples.boundary, samples.size) == ("clamped", "2 × 4")
+    assert (samples.boundary, samples.size) == ("clamped", "4 × 2")
     assert samples.options == "cell_size flat, z_max 6"
     assert (each.result.judged, each.result.wanted) == (14, 14)
     expected = f"fails at -0.20 on 14 of 14 designs of {tmp_path / 'worse.nc'}"

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from knitlab.cubes.case_file import length_unit
 from knitlab.export.meshes.fabric import on_grid_cells
@@ -54,8 +55,9 @@ def samples(cases: Sequence[xr.Dataset]) -> Figure:
         design = str(state["pattern"].item()).replace("_", " ") if patterned else design_name(state)
         cells_y, cells_x = state["strain_xx"].shape
         shown = sheets.state_text(float(state["applied_strain"]))
-        axes.set_title(f"{design}\n{cells_x} × {cells_y} cells\n{shown}", fontsize=7)
+        axes.set_title(f"{design}\n{cells_y} × {cells_x} cells\n{shown}", fontsize=7)
         axes.set(xlabel="", ylabel="")
+        axes.xaxis.set_major_locator(MaxNLocator(2))
     unit = length_unit(cases[0])
     grid[0].set(xlabel=f"x, weft [{unit}]", ylabel=f"y, warp [{unit}]")
     label = "local transverse strain $\\varepsilon_{xx}$ [1]\nof a unit cell; shading is slope"
