@@ -1,5 +1,6 @@
 """JAX as simulations need it: in float64, with compiled programs kept, and left as it was found."""
 
+import logging
 import os
 import subprocess
 import sys
@@ -7,7 +8,6 @@ import threading
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import cache
-from typing import ClassVar
 
 import jax
 from jax.experimental.compilation_cache import compilation_cache
@@ -15,16 +15,13 @@ from jax.experimental.compilation_cache import compilation_cache
 from knitlab.io.errors import MachineError, Mistake
 from knitlab.model.compiled_programs import cache_flags
 
-LEVEL = "jax_logging_level"  # of messages of JAX and XLA
-
 
 class _Kept:
-    """How many computations run, and the flags of the process before the first began."""
+    """How many computations run, and what puts the flags of the process back after the last."""
 
     lock = threading.Lock()
     count = 0
-    before: ClassVar[dict[str, object]] = {}
-    level: ClassVar[str] = "NOTSET"
+    flags = ExitStack()
 
 
 @contextmanager
@@ -32,9 +29,7 @@ def computing() -> Iterator[None]:
     """Set JAX to float64, and to keep compiled programs, while a context or a function runs.
 
     Flags that the user has set are put back. Those of precision are of the calling thread; those of
-    kept programs and of messages are of the process, until the last computation ends. JAX and XLA
-    are silent meanwhile: on some processors XLA writes two long lines about every kept program
-    (jax#38445), and what goes wrong is raised as an error anyway.
+    kept programs and of messages are of the process, until the last computation ends.
 
     Raises:
         MachineError: if JAX cannot be used here, whatever the design.
@@ -50,20 +45,17 @@ def computing() -> Iterator[None]:
             jax.disable_jit(False),
         ):
             stack.enter_context(flag)
-        stack.enter_context(_programs_kept())
+        stack.enter_context(_of_process())
         _check_platform(os.environ.get("XLA_FLAGS", ""))
         yield
 
 
 @contextmanager
-def _programs_kept() -> Iterator[None]:
+def _of_process() -> Iterator[None]:
     with _Kept.lock:
         if _Kept.count == 0:
-            flags = cache_flags()
-            _Kept.before = {name: getattr(jax.config, name) for name in flags}
-            _update(flags)
-            _Kept.level = getattr(jax.config, LEVEL)
-            jax.config.update(LEVEL, "CRITICAL")
+            _Kept.flags.enter_context(_programs_kept())
+            _Kept.flags.enter_context(_silent())
         _Kept.count += 1
     try:
         yield
@@ -71,9 +63,16 @@ def _programs_kept() -> Iterator[None]:
         with _Kept.lock:
             _Kept.count -= 1
             if _Kept.count == 0:
-                jax.config.update(LEVEL, "WARNING")  # NOTSET leaves XLA's as it is
-                jax.config.update(LEVEL, _Kept.level)
-                _update(_Kept.before)
+                _Kept.flags.close()
+
+
+@contextmanager
+def _programs_kept() -> Iterator[None]:
+    flags = cache_flags()
+    before = {name: getattr(jax.config, name) for name in flags}
+    _update(flags)
+    yield
+    _update(before)
 
 
 def _update(flags: Mapping[str, object]) -> None:
@@ -81,6 +80,23 @@ def _update(flags: Mapping[str, object]) -> None:
         jax.config.update(name, value)
     if flags:
         compilation_cache.reset_cache()  # JAX reads these flags only when it opens its cache
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """No messages of JAX and XLA: what goes wrong is raised as an error anyway.
+
+    On some processors XLA writes two long lines about every kept program (jax#38445).
+    """
+    flag = "jax_logging_level"
+    before = getattr(jax.config, flag)
+    levels = {logger: logger.level for logger in map(logging.getLogger, ("jax", "jaxlib"))}
+    jax.config.update(flag, "CRITICAL")
+    yield
+    jax.config.update(flag, "WARNING")  # NOTSET would leave XLA's as it is
+    jax.config.update(flag, before)
+    for logger, level in levels.items():
+        logger.setLevel(level)
 
 
 @cache

@@ -1,5 +1,6 @@
 """JAX while a simulation runs: in float64 whatever the user has set, and put back afterwards."""
 
+import logging
 import threading
 from contextlib import suppress
 
@@ -60,6 +61,18 @@ def test_settings_are_put_back_after_an_error():
         assert inside == jnp.float64
         assert jnp.ones(1).dtype == jnp.float32
     assert [getattr(jax.config, name) for name in PROCESS_FLAGS] == before
+
+
+def test_the_users_level_of_messages_is_put_back():
+    logger = logging.getLogger("jax")
+    before = logger.level
+    logger.setLevel(logging.INFO)
+    try:
+        with computing():
+            assert logger.level > logging.ERROR
+        assert logger.level == logging.INFO
+    finally:
+        logger.setLevel(before)
 
 
 def test_every_thread_computes_in_double_precision():
