@@ -45,13 +45,13 @@ def computing() -> Iterator[None]:
             jax.disable_jit(False),
         ):
             stack.enter_context(flag)
-        stack.enter_context(_of_process())
+        stack.enter_context(_process_flags())
         _check_platform(os.environ.get("XLA_FLAGS", ""))
         yield
 
 
 @contextmanager
-def _of_process() -> Iterator[None]:
+def _process_flags() -> Iterator[None]:
     with _Kept.lock:
         if _Kept.count == 0:
             _Kept.flags.enter_context(_programs_kept())
