@@ -54,14 +54,14 @@ def periodic_lengths(
 @observable(
     hinges_past_pi=curve(
         "hinges folded past half a turn",
-        description="there the fabric passes through itself, which the model does not prevent",
+        description="there the fabric passes through itself, which only contact prevents",
         integer=True,
     ),
     self_intersections=curve(
         "pairs of grid cells that pass through each other",
         description=(
-            "each cell as two triangles; in periodic fabric, each pair once per period. The"
-            " model does not prevent it"
+            "each cell as two triangles; in periodic fabric, each pair once per period. With"
+            " contact there are none"
         ),
         integer=True,
     ),
