@@ -238,16 +238,11 @@ def knit_sample(
 
 def machine_of(single: SingleDesign, machine: Overrides | None) -> Machine:
     """The machine that knits a design; InputError if a setting of it is unknown."""
-    return read_machine(_values(machine), single.yarn)
-
-
-def _values(machine: Overrides | None) -> Mapping[str, Any] | None:
-    """The values of a machine, read if they are given as text."""
-    if machine is None or isinstance(machine, Mapping):
-        return machine
-    read, mistakes = read_overrides(as_texts(machine), "machine")
-    raise_if_any(mistakes)
-    return {each.key: each.value for each in read}
+    if machine is not None and not isinstance(machine, Mapping):
+        read, mistakes = read_overrides(as_texts(machine), "machine")
+        raise_if_any(mistakes)
+        machine = {each.key: each.value for each in read}
+    return read_machine(machine, single.yarn)
 
 
 def read_chart(

@@ -1,6 +1,5 @@
 """Uncertainty: what that of calibrated stripes makes of the results of designs."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import xarray as xr
@@ -64,21 +63,16 @@ def uncertainty(
         raise invalid("cubes", "none is given; name a cube or its results folder")
     read = [as_cube(cube) for cube in cubes]
     with naming_missing("uncertainties", read):
-        return _uncertainty(read, material, uncertainty_of)
-
-
-def _uncertainty(
-    cubes: Sequence[xr.Dataset], material: str | Path | Material | None, uncertainty_of: str | None
-) -> xr.Dataset:
-    cube = joined_cubes(cubes) if len(cubes) > 1 else cubes[0]
-    if SAMPLE in cube.dims:
-        if uncertainty_of is not None:
-            message = "is that of the samples, as they were drawn; leave it out"
-            raise invalid(f"uncertainty_of {shortened(uncertainty_of)}", message)
-        return sampled_uncertainty(cube)
-    if material is None:
-        raise invalid("material", "is not given; give the file with the covariances of its stripes")
-    return first_order(cube, uncertain_stripes(material, uncertainty_of))
+        cube = joined_cubes(read) if len(read) > 1 else read[0]
+        if SAMPLE in cube.dims:
+            if uncertainty_of is not None:
+                message = "is that of the samples, as they were drawn; leave it out"
+                raise invalid(f"uncertainty_of {shortened(uncertainty_of)}", message)
+            return sampled_uncertainty(cube)
+        if material is None:
+            message = "is not given; give the file with the covariances of its stripes"
+            raise invalid("material", message)
+        return first_order(cube, uncertain_stripes(material, uncertainty_of))
 
 
 def sample_stripes(

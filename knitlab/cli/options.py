@@ -56,7 +56,6 @@ class Cube(click.Path):
 CUBE = Cube()
 EXISTING = Existing(dir_okay=False)
 EXISTING_FOLDER = Existing(file_okay=False)
-PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
 COUNT = click.IntRange(min=1)

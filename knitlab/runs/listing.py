@@ -91,6 +91,7 @@ def settings(word: str = "") -> list[SettingLine]:
     lines = []
     for setting in SETTINGS.values():
         source = parameters.sources.get(setting.name, "")
+        factor = f"factor on {setting.factor_on}" if setting.factor_on else ""
         default = stated[setting.name] if source else setting.default
         line = SettingLine(
             setting.name,
@@ -99,17 +100,13 @@ def settings(word: str = "") -> list[SettingLine]:
             "" if default in (None, ()) else as_toml(default),
             "" if setting.unit == "1" else setting.unit,
             source,
-            meanings.get(setting.name) or _factor(setting.factor_on),
+            meanings.get(setting.name) or factor,
         )
         if word.casefold() in " ".join(line).casefold():
             lines.append(line)
     if not lines:
         raise invalid(word, unknown(word, SETTINGS, "setting"))
     return lines
-
-
-def _factor(quantity: str | None) -> str:
-    return f"factor on {quantity}" if quantity else ""
 
 
 def _attributes(table: type[Any]) -> dict[str, str]:

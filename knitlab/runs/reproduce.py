@@ -26,7 +26,9 @@ HEADER = (
     f"{'strain':>8} {'outcome':>15} {'residual [N]':>13} {'iterations':>10} {'energy [N mm]':>14}"
     f" {'nu':>9} {'force [N]':>10}"
 )
-TOLERANCE = 1e-3  # difference up to which results agree, in the units of `largest_differences`
+TOLERANCE = (
+    1e-3  # difference up to which results agree, of ν, and of other curves over their largest value
+)
 CURVES = {"poisson_ratio": "nu", "reaction_force": "force", "capacitance": "capacitance"}
 """Curves that are compared, and their names in messages."""
 
@@ -132,17 +134,6 @@ def _reproduced(recorded: RecordedCase, report: Callable[[str], None]) -> bool:
 
 def comparison(results: xr.Dataset, kept: xr.Dataset) -> tuple[bool, str]:
     """Whether new results of a case agree with kept ones, and a line with the differences."""
-    errors, same_states = largest_differences(results, kept)
-    agree = same_states and max(errors.values()) <= TOLERANCE
-    verdict = "agrees with" if agree else "DOES NOT agree with"
-    listed = ", ".join(f"{CURVES[name]} by {value:.1e}" for name, value in errors.items())
-    listed = listed.replace("nu by", "nu differs by at most")
-    missing = "" if same_states else ", and other states are missing"
-    return agree, f"{listed} of the largest{missing}: {verdict}"
-
-
-def largest_differences(results: xr.Dataset, kept: xr.Dataset) -> tuple[dict[str, float], bool]:
-    """Largest difference of each curve, relative but for ν, and whether the same states exist."""
     results, kept = xr.align(results, kept, join="outer")
     errors, same_states = {}, True
     for name in [name for name in CURVES if name in results and name in kept]:
@@ -150,7 +141,12 @@ def largest_differences(results: xr.Dataset, kept: xr.Dataset) -> tuple[dict[str
         largest = 1.0 if name == "poisson_ratio" else max(_largest(old), np.finfo(float).tiny)
         errors[name] = _largest(new - old) / largest
         same_states &= bool((np.isfinite(new) == np.isfinite(old)).all())
-    return errors, same_states
+    agree = same_states and max(errors.values()) <= TOLERANCE
+    verdict = "agrees with" if agree else "DOES NOT agree with"
+    listed = ", ".join(f"{CURVES[name]} by {value:.1e}" for name, value in errors.items())
+    listed = listed.replace("nu by", "nu differs by at most")
+    missing = "" if same_states else ", and other states are missing"
+    return agree, f"{listed} of the largest{missing}: {verdict}"
 
 
 def _largest(values: np.ndarray) -> float:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.optimize import nnls, root
 
 from knitlab.export.laws.ridge_law import RidgeLaw, Ridges
@@ -69,7 +69,7 @@ def fitted(
     vector = np.concatenate([each.ravel() for each in wanted])
     weights = nnls(matrix / norms, vector, maxiter=100 * len(norms))[0] / norms
     used = weights > 0
-    chosen = _chosen(ridges, used)
+    chosen = Ridges(ridges.directions[used], ridges.offsets[used], ridges.width)
     if not mirrored:
         return RidgeLaw(chosen, weights[used])
     pair = chosen, chosen.mirrored()
@@ -107,7 +107,3 @@ def _forces(law: RidgeLaw, stretch: np.ndarray, angle: float) -> np.ndarray:
     (s_11, s_12), (_, s_22) = axes.T @ np.array([[xx, xy], [xy, yy]]) @ axes
     a, b, c = stretch
     return np.array([s_11 * a + s_12 * c, s_22 * b, s_12 * a + s_22 * c])
-
-
-def _chosen(ridges: Ridges, which: Bool[np.ndarray, " ridge"]) -> Ridges:
-    return Ridges(ridges.directions[which], ridges.offsets[which], ridges.width)

@@ -20,7 +20,7 @@ from knitlab.figures.explorer.shapes import shape_content
 from knitlab.figures.style import is_signed
 from knitlab.io.errors import InputError
 from knitlab.io.image_file import read_image
-from knitlab.observables.schema import FLAGS, INTEGERS, STRAIN
+from knitlab.observables.schema import FLAGS, STRAIN
 from knitlab.observables.status import Status
 from knitlab.runs.recorded_plan import read_plan
 from knitlab.runs.results_folder import earlier_failures
@@ -137,7 +137,6 @@ def _contents(
             "units": one.attrs.get("units", "1"),
             "description": one.attrs.get("description", ""),
             "along_strain": STRAIN in one.dims,
-            "whole": name in INTEGERS,
             "signed": is_signed(name),
             "values": [
                 float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
