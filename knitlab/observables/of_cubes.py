@@ -11,9 +11,8 @@ DERIVED = Group("derived", "Derived when a cube is opened")
 SAMPLE_OR_PERIOD = "of the simulated sample, or of the period of periodic fabric"
 BY_GAUGE = (
     "by the cube's gauge (gauge_stitch_width and gauge_stitch_height, in mm), which changes"
-    " no other variable. With the default gauge, samples on 360 needles are 240 to 360 mm wide "
-    "where the paper's are about 200 mm: absolute sizes are approximate, while ratios between "
-    "designs do not depend on the gauge"
+    " no other variable. Sizes by the default gauge are approximate: samples are wider than the"
+    " paper's. Ratios between designs do not depend on the gauge"
 )
 KNIT_CELL = f"relaxed over flat cell, times stitches across it, times size of a stitch, {BY_GAUGE}"
 KNIT_WAVE = (

@@ -26,9 +26,8 @@ HEADER = (
     f"{'strain':>8} {'outcome':>15} {'residual [N]':>13} {'iterations':>10} {'energy [N mm]':>14}"
     f" {'nu':>9} {'force [N]':>10}"
 )
-TOLERANCE = (
-    1e-3  # difference up to which results agree, of ν, and of other curves over their largest value
-)
+TOLERANCE = 1e-3
+"""Difference up to which results agree, of ν, and of other curves over their largest value."""
 CURVES = {"poisson_ratio": "nu", "reaction_force": "force", "capacitance": "capacitance"}
 """Curves that are compared, and their names in messages."""
 
