@@ -45,11 +45,13 @@ def _forces(cube: xr.Dataset) -> Derived:
         if "load_direction" in cube:
             length = cube["knit_cell_y"] * cube["unit_cells_y"]
             angle = np.deg2rad(cube["load_direction"].fillna(90))
+            sine, cosine = np.sin(angle), np.cos(angle)
+            along = ((width * cosine) ** 2 + (length * sine) ** 2) ** 0.5
+            width = ((width * sine) ** 2 + (length * cosine) ** 2) ** 0.5
             if across is not None:
-                per_length = derived["force_per_width_across"] = across / length
+                per_length = derived["force_per_width_across"] = across / along
                 ratio = per_length * width / cube["reaction_force"]
                 derived["force_ratio"] = ratio.where(cube[STRAIN] > 0).transpose(*across.dims)
-            width = (width**2 * np.sin(angle) ** 2 + length**2 * np.cos(angle) ** 2) ** 0.5
         force = (cube["reaction_force"] / width).transpose(*cube["reaction_force"].dims)
         derived["force_per_width"] = force
     if force is not None and "stretch_energy" not in cube and cube.sizes.get(STRAIN, 0) > 1:

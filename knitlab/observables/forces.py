@@ -21,8 +21,8 @@ PURE_STRIPES = Group("stripe", "Pure stripes", lambda case: case.pure)
         "reaction force",
         "N",
         description=(
-            "over the whole width of the sample or periodic cell; along the warp if the "
-            "load is biaxial"
+            "over the whole side of the sample or periodic cell that is pulled; along the pull if "
+            "the load is biaxial"
         ),
     )
 )
@@ -34,18 +34,18 @@ def reaction_force(test: "FinishedTest") -> "Float[np.ndarray, ' reached']":
 @observable(
     PULLED_ACROSS,
     reaction_force_across=curve(
-        "reaction force along the weft",
+        "reaction force across the pull",
         "N",
-        description="over the whole length of the sample or periodic cell",
+        description="over the whole side of the sample or periodic cell; along the weft if load = "
+        "biaxial, along the warp if load = biaxial_weft",
     ),
 )
 def reaction_force_across(test: "FinishedTest") -> "Float[np.ndarray, ' reached']":
-    """The force along the weft, of a load that pulls it too."""
-    from knitlab.solvers.loads.load import X
-
+    """The force across the pull, of a load that strains the fabric there too."""
     loading = test.test.loading
     assert loading is not None
-    return np.array([loading.force_along(X, state.gradient) for state in test.reached])
+    across = 1 - loading.load.axis
+    return np.array([loading.force_along(across, state.gradient) for state in test.reached])
 
 
 @observable(
@@ -53,7 +53,7 @@ def reaction_force_across(test: "FinishedTest") -> "Float[np.ndarray, ' reached'
     reaction_force_unloading=curve(
         "reaction force during unloading",
         "N",
-        description="from the last strain back, along the warp if the load is biaxial",
+        description="from the last strain back, along the pull if the load is biaxial",
     ),
 )
 def unloading(test: "FinishedTest") -> dict[str, Any]:

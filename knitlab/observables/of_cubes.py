@@ -105,7 +105,7 @@ REGISTRY.declare(
     DERIVED,
     {
         "force_per_width_across": curve(
-            "reaction force along the weft per length",
+            "reaction force across the pull, per length along it",
             "N/mm",
             description="under biaxial loads, of the relaxed sample, in millimetres of cloth",
         ),

@@ -44,6 +44,26 @@ def test_measures_follow_the_direction_of_the_load():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("boundary", ["periodic", "clamped"])
+def test_both_biaxial_loads_lead_to_the_same_strains(boundary):
+    def strained(load, largest, ratio):
+        design = kl.Design(4, 8, boundary=boundary, unit_cells=(2, 1))
+        protocol = kl.Protocol(
+            strain_max=largest, strain_step=largest, load=load, load_ratio=ratio
+        )
+        return kl.simulate(design, protocol=protocol).isel(applied_strain=-1)
+
+    warp, weft = strained("biaxial", 0.01, 2.0), strained("biaxial_weft", 0.02, 0.5)
+    for name in ("mean_strain_xx", "mean_strain_yy", "energy_fold"):
+        np.testing.assert_allclose(weft[name], warp[name], rtol=1e-5, atol=1e-8)
+    for side in ("reaction_force", "force_per_width"):
+        one, other = side, f"{side}_across"
+        np.testing.assert_allclose(weft[one], warp[other], rtol=1e-5)
+        np.testing.assert_allclose(weft[other], warp[one], rtol=1e-5)
+    assert float(weft["force_ratio"] * warp["force_ratio"]) == pytest.approx(1, rel=1e-5)
+
+
+@pytest.mark.slow
 def test_what_clamps_hold_is_missing_along_the_axis_that_they_hold():
     def strains(load, unit_cells, **more):
         design = kl.Design(4, 8, unit_cells=unit_cells)

@@ -48,7 +48,10 @@ DESIGN = ("n_stripe=4", "n_subunit=16", "robustness=0")
         ("cycle=2 method=dynamics", "method = equilibrium"),
         ("fold_drift=0.1 method=dynamics", "fold_drift=0.1: "),
         # loads
-        ("load=of_axis", "'warp', 'weft', 'biaxial', 'shear' or 'off_axis'"),
+        (
+            "load=of_axis",
+            "'warp', 'weft', 'biaxial', 'biaxial_weft', 'shear' or 'off_axis'",
+        ),
         ("load=biaxial", "load_ratio"),
         ("load=biaxial load_ratio=nan", "finite"),
         ("load=biaxial load_ratio=1,1e9", r"load_ratio = 4.5e\+08"),

@@ -142,14 +142,17 @@ def _test(row: xr.Dataset) -> StrainTest:
     stretch = stretch_along(gradient, angle)
     force = np.zeros_like(stretch)
     is_pull = np.abs(stretch[reached, B] - 1 - applied[reached]).max(initial=0) < SAME
+    sine, cosine = axes_at(angle)[:, 0]
+    side_across = math.hypot(width * sine, height * cosine)  # on which the pull acts
+    side_along = math.hypot(width * cosine, height * sine)
     prescribed: tuple[int, ...]
     if "reaction_force_across" in row and np.isfinite(row["reaction_force_across"][0]):
-        force[:, A], force[:, B], prescribed = across / height, along / width, (A, B, C)
+        force[:, A], force[:, B] = across / side_along, along / side_across
+        prescribed = (A, B, C)
         ratio = round((stretch[reached, A][-1] - 1) / max(applied[reached][-1], SAME), 6) + 0.0
-        label = f"biaxial, {ratio:.3g} times across"
+        label = f"biaxial at {angle:g}°, {ratio:.3g} times across"
     elif is_pull:
-        sine, cosine = axes_at(angle)[:, 0]
-        force[:, B], prescribed = along / math.hypot(width * sine, height * cosine), (B,)
+        force[:, B], prescribed = along / side_across, (B,)
         label = f"pull at {angle:g}°"
     else:
         force[:, C], prescribed, label = along / width, (C,), "shear"

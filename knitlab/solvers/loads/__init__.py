@@ -6,13 +6,16 @@ which direction it pulls, and what it cannot be combined with. ``load.py`` has w
 """
 
 from knitlab.solvers.loads.biaxial import Biaxial
+from knitlab.solvers.loads.biaxial_weft import BiaxialWeft
 from knitlab.solvers.loads.load import Load
 from knitlab.solvers.loads.off_axis import OffAxis
 from knitlab.solvers.loads.shear import Shear
 from knitlab.solvers.loads.warp import Warp
 from knitlab.solvers.loads.weft import Weft
 
-LOADS: dict[str, type[Load]] = {load.kind: load for load in (Warp, Weft, Biaxial, Shear, OffAxis)}
+LOADS: dict[str, type[Load]] = {
+    load.kind: load for load in (Warp, Weft, Biaxial, BiaxialWeft, Shear, OffAxis)
+}
 """Every load, by the name that workflows and cubes give it."""
 WARP = Warp()
 """The paper's load."""

@@ -1,4 +1,4 @@
-"""A pull along wales and courses at once."""
+"""A pull along the wales that also strains the courses."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Biaxial(Load):
-    """A pull along both axes: ε along the warp, ``ratio`` times ε along the weft.
+    """A pull along both axes: ε along the warp, ``ratio`` times ε across it, along the weft.
 
     Clamps on all four edges of a sample let them slide along themselves; both lengths of periodic
     fabric are prescribed.
@@ -39,14 +39,14 @@ class Biaxial(Load):
     pulls_across: ClassVar[bool] = True
     has_poisson_ratio: ClassVar[bool] = False
     settings: ClassVar[tuple[LoadSetting, ...]] = (
-        LoadSetting("ratio", "load_ratio", "strain along the weft over that along the warp"),
+        LoadSetting("ratio", "load_ratio", "strain across the pull over that along it"),
     )
 
     def clamped_nodes(self, shape: MeshShape) -> Bool[np.ndarray, "node_y node_x"]:
         """Nodes of a sample that clamps hold: all edges."""
-        clamped = super().clamped_nodes(shape)
-        clamped[:, [0, -1]] = True
-        return clamped
+        clamped = np.zeros((shape.nodes_y, shape.nodes_x), bool)
+        clamped[[0, -1]] = clamped[:, [0, -1]] = True
+        return clamped & shape.nodes_of_fabric
 
     def free_coordinates(self, shape: MeshShape) -> Bool[np.ndarray, "node_y node_x 3"]:
         """Coordinates that are free: edges slide along themselves, but for the corners."""
@@ -60,22 +60,23 @@ class Biaxial(Load):
         return False
 
     def drive(self, shape: MeshShape, relaxed: "Configuration") -> Drive:
-        """The pull along the warp, and ``ratio`` times that along the weft [mm]."""
+        """The pull, and ``ratio`` times that across [mm]."""
         drive, length = super().drive(shape, relaxed)
-        across, wider, _ = stretch_along(shape, relaxed, X)
-        added = in_direction(X, across, np.eye(2)[X] * wider).flattened()
+        across = 1 - self.axis
+        moved, wider, _ = stretch_along(shape, relaxed, across)
+        added = in_direction(across, moved, np.eye(2)[across] * wider).flattened()
         return drive + self.ratio * added, length
 
     def reaction_force(self, loading: "Loading", gradient: Float[np.ndarray, " unknown"]) -> float:
-        """The force along the warp [N]."""
-        return loading.force_along(Y, gradient)
+        """The force along the pull [N]."""
+        return loading.force_along(self.axis, gradient)
 
     def conflicts(self, combination: "Combination") -> Iterator[str]:
-        """Strains along the weft that are none, besides what other loads refuse."""
+        """Strains across the pull that are none, besides what other loads refuse."""
         across = self.ratio * combination.strain_max
         if not -1 < across <= MAX_STRAIN:
             yield (
-                f"strains the weft by strain_max × load_ratio = {across:g}; keep that above -1 and"
+                f"strains the {'warp' if self.axis == X else 'weft'} by strain_max × load_ratio = {across:g}; keep that above -1 and"
                 f" at most {MAX_STRAIN:g}"
             )
         yield from super().conflicts(combination)

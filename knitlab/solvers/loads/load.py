@@ -40,7 +40,7 @@ class Load:
 
     Attributes:
         kind: name of the load.
-        ratio: strain along the weft over that along the warp, of a biaxial load [1].
+        ratio: strain across the pull over that along it, of a biaxial load [1].
         angle: from the courses to the pulled direction of the relaxed fabric, of an off-axis load
             [degree].
     """
@@ -54,7 +54,7 @@ class Load:
     prescribed: ClassVar[tuple[int, ...]] = (Y,)
     """Lengths of periodic fabric that the load prescribes, by their number."""
     pulls_across: ClassVar[bool] = False
-    """Whether the weft is pulled besides the warp."""
+    """Whether the fabric is also strained across the pull."""
     shears: ClassVar[bool] = False
     """Whether the lattice of periodic fabric may shear under the load."""
     has_poisson_ratio: ClassVar[bool] = True

@@ -20,6 +20,7 @@ from knitlab.solvers.equilibrium.stiffness import free_stiffness
 from knitlab.solvers.equilibrium.tensile_test import stretch
 from knitlab.solvers.loads import WARP
 from knitlab.solvers.loads.biaxial import Biaxial
+from knitlab.solvers.loads.biaxial_weft import BiaxialWeft
 from knitlab.solvers.loads.loading import free_under, held_under, loading_of
 from knitlab.solvers.loads.off_axis import OffAxis
 from knitlab.solvers.loads.shear import Shear
@@ -41,6 +42,7 @@ from tests.fabrics import (
 
 STRAINS = [0.0, 0.02, 0.04]
 WEFT, SHEAR = Weft(), Shear()
+BOTH, TURNED = Biaxial(ratio=0.5), BiaxialWeft(ratio=0.5)
 OBLIQUE = OffAxis(angle=35.0)
 
 
@@ -71,7 +73,9 @@ def test_pulls_off_axis_along_an_axis_are_those_along_it(angle, along):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("options", [PERIODIC, CLAMPED])
-@pytest.mark.parametrize(("load", "turned"), [(WARP, WEFT), (WEFT, WARP)])
+@pytest.mark.parametrize(
+    ("load", "turned"), [(WARP, WEFT), (WEFT, WARP), (BOTH, TURNED), (TURNED, BOTH)]
+)
 def test_a_design_turned_by_a_quarter_swaps_the_axes(options, load, turned):
     """Courses become wales: rows and columns of patches, and the stripes, are exchanged."""
     rib, garter = (StripePair.of([stripe(*each)], [stripe(*each)]) for each in STRIPES)
@@ -81,6 +85,12 @@ def test_a_design_turned_by_a_quarter_swaps_the_axes(options, load, turned):
     quarter = other.fabric(StripePair(garter.weft, rib.weft))
     test, swapped = pulled(one.net, fabric, load), pulled(other.net, quarter, turned)
     np.testing.assert_allclose(forces(swapped), forces(test), atol=1e-7)
+    if load.pulls_across:
+        across = [
+            [each.loading.force_along(1 - each.loading.load.axis, at.gradient) for at in each.states]
+            for each in (test, swapped)
+        ]
+        np.testing.assert_allclose(*across, atol=1e-7)
     energies = [[float(state.energy.total) for state in each.states] for each in (test, swapped)]
     np.testing.assert_allclose(*energies, rtol=1e-7)
 
@@ -94,10 +104,12 @@ STRIPES = (("rib", 4), ("garter", 8))
     [
         (PERIODIC, SHEAR),
         (PERIODIC, OBLIQUE),
-        (PERIODIC, Biaxial(ratio=0.5)),
+        (PERIODIC, BOTH),
+        (PERIODIC, TURNED),
         (CLAMPED, WEFT),
         (CLAMPED, SHEAR),
-        (CLAMPED, Biaxial(ratio=0.5)),
+        (CLAMPED, BOTH),
+        (CLAMPED, TURNED),
     ],
 )
 def test_the_energy_grows_by_the_work_of_the_force(options, load):
@@ -184,7 +196,7 @@ def test_the_stiffness_of_a_lattice_that_shears_is_that_of_automatic_differentia
     np.testing.assert_allclose(of_chunks.gradient, slopes, atol=1e-9)
 
 
-@pytest.mark.parametrize("load", [WARP, WEFT, SHEAR, Biaxial(ratio=1.0)])
+@pytest.mark.parametrize("load", [WARP, WEFT, SHEAR, BOTH, TURNED])
 @pytest.mark.parametrize("options", [PERIODIC, CLAMPED])
 def test_every_unknown_is_either_free_or_held(options, load):
     shape = checkered(4, 1, options)[0].shape
