@@ -252,7 +252,8 @@ def wear(
             is that pressure.
         length_ratio: length along the limb over the relaxed one; by default no force acts there.
         thickness: of the folded cloth [mm], by default that of its relaxed shape.
-        sensor: a test or cube of the same design with electrodes, pulled along the courses.
+        sensor: a test or cube of the same design with electrodes, pulled along the courses, with
+            the wales held if ``length_ratio`` is given.
         named: further selections, as keywords: ``n_stripe=4``.
 
     Returns:
@@ -289,7 +290,7 @@ def wear(
     selections = {**selections, **named}
     rows = rows_of_tests(opened, selections)
     design = rows.isel(test=0)
-    test = None if sensor is None else sensor_of(as_cube(sensor), design, selections)
+    test = None if sensor is None else sensor_of(as_cube(sensor), design, selections, length_ratio)
     if thickness is None:
         thickness = thickness_of(opened, design)
     knit = knit_of(law_of(opened, rows), design, thickness)

@@ -62,12 +62,12 @@ def unusual_values(settings: CaseSettings, cases: Iterable[Case]) -> tuple[str, 
                     subject = f"{name} of {stripe.knit} {stripe.n}"
                     sentences.append(f"{subject} is {value:.4g} {unit}; {usual}")
     protocol = workflow.protocol
-    loads = {case.load.kind for case in cases}
-    for kind, load in LOADS.items():
-        for setting in load.settings:
-            if getattr(protocol, setting.name) is not None and kind not in loads:
-                ignored = f"{setting.name} is ignored by load = {protocol.load}"
-                sentences.append(f"{ignored}; take load = {kind}")
+    used = {setting for case in cases for setting in case.load.settings}
+    for setting in {each for load in LOADS.values() for each in load.settings} - used:
+        if getattr(protocol, setting.name) is not None:
+            ignored = f"{setting.name} is ignored by load = {protocol.load}"
+            kinds = [kind for kind, load in LOADS.items() if setting in load.settings]
+            sentences.append(f"{ignored}; take load = {' or '.join(kinds)}")
     if protocol.cycle > 1 and not any(case.friction.acts for case in cases):
         same = f"cycle = {protocol.cycle} is as the first without friction, unless the fabric snaps"
         sentences.append(f"{same}; give fold_friction or fold_drift")

@@ -48,9 +48,7 @@ def test_measures_follow_the_direction_of_the_load():
 def test_both_biaxial_loads_lead_to_the_same_strains(boundary):
     def strained(load, largest, ratio):
         design = kl.Design(4, 8, boundary=boundary, unit_cells=(2, 1))
-        protocol = kl.Protocol(
-            strain_max=largest, strain_step=largest, load=load, load_ratio=ratio
-        )
+        protocol = kl.Protocol(strain_max=largest, strain_step=largest, load=load, load_ratio=ratio)
         return kl.simulate(design, protocol=protocol).isel(applied_strain=-1)
 
     warp, weft = strained("biaxial", 0.01, 2.0), strained("biaxial_weft", 0.02, 0.5)

@@ -15,9 +15,9 @@ from scipy.optimize import nnls, root
 from knitlab.export.laws.ridge_law import RidgeLaw, Ridges
 from knitlab.export.laws.strain_tests import StrainTest, axes_at, strain_of
 
-DIRECTIONS, RINGS = 24, 4  # in the plane of the normal strains; from there to the shear
+DIRECTIONS, RINGS = 36, 4  # in the plane of the normal strains; from there to the shear
 OFFSETS = 31  # from minus the largest strain of all tests to it, closer near 0
-SHARPNESS = 50.0  # the largest strain over the width of a ramp
+SHARPNESS = 100.0  # the largest strain over the width of a ramp
 FLOOR = 0.05  # of the largest stress or energy of a test, below which errors count as absolute
 
 

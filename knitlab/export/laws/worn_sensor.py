@@ -20,14 +20,27 @@ SAME_DESIGN = (
     *("garter_period", "garter_k_s", "garter_k_t", "garter_theta_0"),
 )
 """Labels, sizes and stripes by which two cubes have the same design."""
+ACROSS = "reaction_force_across"
 ALONG_WALES = 90.0  # direction of a pull from the courses, if a cube has no other [degree]
 FEWEST = 2  # strains
 TOLERANCE = 1e-3  # of sizes that were simulated twice, relative
 
 
-def sensor_of(cube: xr.Dataset, design: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
-    """The pull along the courses of a cube with electrodes, of a design; InputError if none is."""
+def sensor_of(
+    cube: xr.Dataset,
+    design: xr.Dataset,
+    selections: Mapping[str, Any],
+    length_ratio: float | None = None,
+) -> xr.Dataset:
+    """The pull along the courses of a cube with electrodes, of a design; InputError if none is.
+
+    The wales are free, or held at ``length_ratio`` times their relaxed length.
+    """
     name = cube_name(cube) or "sensor"
+    load, wales = "load = weft", "with free wales"
+    if length_ratio is not None:
+        load = "load = biaxial_weft and load_ratio = 0, for length_ratio = 1"
+        wales = f"with wales held at {length_ratio:g} times their length"
     require(cube, NEEDED, "sensors on a limb", name)
     rows = [cube]
     if not is_case(cube):
@@ -37,11 +50,10 @@ def sensor_of(cube: xr.Dataset, design: xr.Dataset, selections: Mapping[str, Any
     alike = [row for row in rows if _is_alike(row, design)]
     if not alike:
         message = "has no test of the design of the law; simulate that with electrodes"
-        raise invalid(name, f"{message} and load = weft")
-    pulls = [row for row in alike if float(row.get("load_direction", ALONG_WALES)) == 0]
+        raise invalid(name, f"{message} and {load}")
+    pulls = [row for row in alike if _is_worn(row, length_ratio)]
     if not pulls:
-        message = "has no pull along the courses, as a limb pulls; simulate it with load = weft"
-        raise invalid(name, message)
+        raise invalid(name, f"has no pull along the courses, {wales}; simulate it with {load}")
     if len(pulls) > 1:
         message = f"has {len(pulls)} such pulls; give a cube with one layout of electrodes"
         raise invalid(name, message)
@@ -51,6 +63,15 @@ def sensor_of(cube: xr.Dataset, design: xr.Dataset, selections: Mapping[str, Any
         message = f"has a capacitance at {reached} strains from rest on, and {FEWEST} are needed"
         raise invalid(name, f"{message}; choose another layout")
     return pulls[0].isel({STRAIN: slice(reached)})
+
+
+def _is_worn(row: xr.Dataset, length_ratio: float | None) -> bool:
+    if float(row.get("load_direction", ALONG_WALES)) != 0:
+        return False
+    if length_ratio is None:
+        return ACROSS not in row or not np.isfinite(row[ACROSS]).any()
+    lengths = 1 + row["mean_strain_yy"].values
+    return np.allclose(lengths[np.isfinite(lengths)], length_ratio, rtol=0, atol=TOLERANCE)
 
 
 def _is_alike(row: xr.Dataset, design: xr.Dataset) -> bool:

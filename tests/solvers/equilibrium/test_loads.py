@@ -87,7 +87,10 @@ def test_a_design_turned_by_a_quarter_swaps_the_axes(options, load, turned):
     np.testing.assert_allclose(forces(swapped), forces(test), atol=1e-7)
     if load.pulls_across:
         across = [
-            [each.loading.force_along(1 - each.loading.load.axis, at.gradient) for at in each.states]
+            [
+                each.loading.force_along(1 - each.loading.load.axis, at.gradient)
+                for at in each.states
+            ]
             for each in (test, swapped)
         ]
         np.testing.assert_allclose(*across, atol=1e-7)
