@@ -97,30 +97,25 @@ class Contact(eqx.Module):
     chunks: dict[Kind, Int[Array, ""]]  # that hold pairs, in any fabric of a batch
     periodic: bool = eqx.field(static=True)
 
-    def energy(self, positions: Vector, lengths: Float[Array, "2"]) -> Float[Array, ""]:
-        """Energy of the barrier [N mm], finite where parts are nearer than they may be."""
-
-        def added(chunk: Chunk, total: Array) -> Array:
-            return total + jnp.sum(
-                chunk.approach.factor * chunk.pairs.stored(chunk.approach.excess)
-            )
-
-        return self.over_chunks((flat(positions), lengths), added, jnp.zeros(()))
-
-    def gradient(
+    def energy_and_gradient(
         self, positions: Vector, lengths: Float[Array, "2"]
-    ) -> tuple[Vector, Float[Array, "2"]]:
-        """Derivatives of the energy by the positions of nodes and by L_x and L_y [N]."""
+    ) -> tuple[Float[Array, ""], Vector, Float[Array, "2"]]:
+        """Energy of the barrier [N mm] and its derivatives by positions and by L_x and L_y [N].
+
+        Finite also where parts are nearer than they may be.
+        """
         place = flat(positions), lengths
 
-        def added(chunk: Chunk, totals: Totals) -> Totals:
+        def added(chunk: Chunk, found: tuple[Array, Totals]) -> tuple[Array, Totals]:
+            energy, totals = found
             _, _, pairs, (_, _, distance, excess, factor) = chunk
+            stored = pairs.stored(excess)
             totals = self.add(chunk, -pairs.force(distance, excess) * factor, totals)
-            return self.add_twist(chunk, pairs.stored(excess), place, totals)
+            return energy + jnp.sum(factor * stored), self.add_twist(chunk, stored, place, totals)
 
-        (x, y, z), sides = self.over_chunks(place, added, nothing(place))
+        energy, ((x, y, z), sides) = self.over_chunks(place, added, (jnp.zeros(()), nothing(place)))
         grid = positions[0].shape
-        return (x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides
+        return energy, (x.reshape(grid), y.reshape(grid), z.reshape(grid)), sides
 
     def over_chunks(
         self, place: Totals, visit: Callable[[Chunk, Result], Result], begin: Result

@@ -43,20 +43,15 @@ class Body(eqx.Module):
     nodes_of_lengths: Float[Array, "*batch 2"]  # that L_x and L_y move
     contact: Contact | None = None  # with itself; None if it may pass through itself
 
-    def energy(self, shape: Shape) -> Energy:
-        """Elastic energy in its parts [N mm]."""
+    def energy_and_gradient(self, shape: Shape) -> tuple[Energy, Shape]:
+        """Elastic energy in its parts [N mm], and its derivative, minus the force [N]."""
         energy = self.fabric.energy(shape)
+        gradient = self.fabric.gradient(shape)
         if self.contact is None:
-            return energy
-        return replace(energy, contact=self.contact.energy(shape.positions, shape.lengths))
-
-    def gradient(self, shape: Shape, walls: bool = True) -> Shape:
-        """Derivative of the energy, minus the force, with or without the walls [N]."""
-        gradient = self.fabric.gradient(shape, walls)
-        if self.contact is None:
-            return gradient
-        touching = Shape(*self.contact.gradient(shape.positions, shape.lengths))
-        return jax.tree.map(jnp.add, gradient, touching)
+            return energy, gradient
+        stored, by_nodes, by_lengths = self.contact.energy_and_gradient(*shape)
+        touching = Shape(by_nodes, by_lengths)
+        return replace(energy, contact=stored), jax.tree.map(jnp.add, gradient, touching)
 
     @property
     def damping_rate(self) -> Shape:
@@ -95,7 +90,7 @@ class Observed(eqx.Module):
 
 def observed(body: Body, motion: Motion) -> Observed:
     """Energies and forces of a motion."""
-    gradient = body.gradient(motion.shape)
+    energy, gradient = body.energy_and_gradient(motion.shape)
     velocity = motion.velocity
     of_lengths = body.inverse.lengths
 
@@ -111,7 +106,7 @@ def observed(body: Body, motion: Motion) -> Observed:
 
     doubled = jax.tree.leaves(jax.tree.map(doubled_energy, body.inverse, velocity))
     return Observed(
-        energy=body.energy(motion.shape),
+        energy=energy,
         kinetic=0.5 * jnp.sum(jnp.stack(doubled)),
         gradient=gradient,
         force=largest(gradient, 1.0),
@@ -269,7 +264,7 @@ def runge_kutta(
     import diffrax  # half as long to import as JAX, and the leapfrog does without
 
     def derivative(_: Any, motion: Motion, __: Any) -> Motion:
-        force = body.gradient(motion.shape)
+        _, force = body.energy_and_gradient(motion.shape)
         velocity = motion.velocity
         acceleration = jax.tree.map(
             lambda inverse, acting, rate, along: -(inverse * acting) - rate * along,

@@ -48,9 +48,8 @@ def found(shape, unknowns):
     contact = batch_contact([finder], [finder.listed(place).parts])
     alone = replace(contact, lists=jax.tree.map(lambda leaf: leaf[0], contact.lists))
     nodes = tuple(jnp.asarray(at.positions[..., axis]) for axis in range(3))
-    by_nodes, by_lengths = alone.gradient(nodes, jnp.asarray(at.lengths))
-    gradient = np.concatenate([np.stack(by_nodes, axis=-1).ravel(), by_lengths])
-    return float(alone.energy(nodes, jnp.asarray(at.lengths))), gradient
+    energy, by_nodes, by_lengths = alone.energy_and_gradient(nodes, jnp.asarray(at.lengths))
+    return float(energy), np.concatenate([np.stack(by_nodes, axis=-1).ravel(), by_lengths])
 
 
 def place_of(unknowns, shape):
