@@ -18,7 +18,7 @@ POINTS = 161  # along a strain of the map
 
 def law_figure(law: "Law") -> Figure:
     """Energy without shear, and where the tests are; forces and ν of the tests, and of the law."""
-    figure = Figure(figsize=(TWO_COLUMNS, 5.2), layout="constrained")
+    figure = Figure(figsize=(TWO_COLUMNS, 5.8), layout="constrained")
     (over, pulls), (others, ratios) = figure.subplots(2, 2)
     _draw_energy(over, law)
     groups = [[test for test in law.tests if test.is_pull is pull] for pull in (True, False)]
@@ -40,9 +40,12 @@ def law_figure(law: "Law") -> Figure:
             over.plot(
                 *test.strain[:, :2].T, **(dots | {"color": "white", "ms": 2, "clip_on": False})
             )
-        axes.legend(fontsize=6, handletextpad=0.2)
         axes.set(xlabel="applied strain [1]", ylabel="force over width [N/mm]")
-    others.set_title("held both ways (dashed: along courses), sheared")
+    pulls.legend(fontsize=6, handletextpad=0.2)
+    figure.legend(
+        *others.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=6
+    )
+    others.set_title("held both ways (dashed: across), sheared")
     pulls.set_title("pulls: tests (markers), law (lines)")
     ratios.set_title("Poisson's ratio of these pulls")
     ratios.set(xlabel="applied strain [1]", ylabel="Poisson's ratio [1]")

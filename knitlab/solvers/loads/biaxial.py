@@ -75,8 +75,9 @@ class Biaxial(Load):
         """Strains across the pull that are none, besides what other loads refuse."""
         across = self.ratio * combination.strain_max
         if not -1 < across <= MAX_STRAIN:
+            yarns = "warp" if self.axis == X else "weft"
             yield (
-                f"strains the {'warp' if self.axis == X else 'weft'} by strain_max × load_ratio = {across:g}; keep that above -1 and"
-                f" at most {MAX_STRAIN:g}"
+                f"strains the {yarns} by strain_max × load_ratio = {across:g}; keep that above -1"
+                f" and at most {MAX_STRAIN:g}"
             )
         yield from super().conflicts(combination)

@@ -133,11 +133,11 @@ def test_a_law_predicts_the_tests_that_others_enclose(law):
 @pytest.mark.nightly
 def test_a_law_predicts_tests_at_angles_and_ratios_between_its_own(law, tmp_path):
     angles, ratios = [7.5, 22.5, 37.5, 52.5, 67.5, 82.5], [0.125, 0.375, 0.625, 0.875, 1.125, 1.375]
-    loads = ["off_axis"] * len(angles) + ["biaxial"] * len(ratios)
+    loads = ["off_axis"] * len(angles) + ["biaxial"] * len(ratios) + ["biaxial_weft"]
     paired = {
         "load": loads,
-        "load_angle": angles + [90] * len(ratios),
-        "load_ratio": [0] * len(angles) + ratios,
+        "load_angle": angles + [90] * (len(ratios) + 1),
+        "load_ratio": [0] * len(angles) + [*ratios, 0.5],
     }
     text = Path("workflows/law.toml").read_text(encoding="utf-8").partition("[paired]")[0]
     workflow = tmp_path / "between.toml"
