@@ -73,16 +73,12 @@ def part(start: float = 0.0, end: float = 1.0, name: str = "") -> Iterator[None]
     inner(1.0)
 
 
-def each(
-    items: Sequence[Item], name: str, weights: Sequence[float] | None = None
-) -> Iterator[Item]:
-    """Go through items that take the same time, or times in proportion to ``weights``."""
-    ends = np.cumsum(np.ones(len(items)) if weights is None else weights).tolist()
-    start = 0.0
-    for number, (item, end) in enumerate(zip(items, ends, strict=True), start=1):
-        with part(start / ends[-1], end / ends[-1], f"{name} {number}/{len(items)}"):
+def each(items: Sequence[Item], name: str) -> Iterator[Item]:
+    """Go through items that take the same time."""
+    count = len(items)
+    for number, item in enumerate(items):
+        with part(number / count, (number + 1) / count, f"{name} {number + 1}/{count}"):
             yield item
-        start = end
 
 
 def report(share: float, doing: str) -> None:
