@@ -40,7 +40,7 @@ class Stiffness:
     def of_case(cls, case: Case) -> "Stiffness":
         """The stiffness of a sample that starts as relaxed periodic fabric."""
         net, fabric = case.assemble()
-        (start,) = tilings([case], [None])
+        (start,) = tilings([case])
         if start is None:
             raise RuntimeError("periodic fabric did not relax")
         sample = ChunkedFabric(net.shape, fabric, Threads(threads()))

@@ -104,7 +104,7 @@ def export(
         meshes = [mesh.triangulated() for mesh in meshes]
     strains = tuple(case_file[STRAIN].values[rows].tolist())
     unit = length_unit(case_file)
-    files = formats.write_meshes(formats.Shapes(meshes, strains, unit), output)
+    files = chosen.write(formats.Shapes(meshes, strains, unit), output)
     crossing = case_file["self_intersections"].values[rows].astype(int).tolist()
     return Exported(tuple(files), strains, tuple(meshes), tuple(crossing), unit)
 

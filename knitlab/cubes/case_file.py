@@ -170,5 +170,10 @@ def network_configurations(case: xr.Dataset) -> "Configuration":
     """The same in mm of the network, in which energies are, whatever the lengths of the case."""
     from knitlab.model.fabric import Configuration
 
-    factor, states = float(case.attrs.get(LENGTH_FACTOR, 1.0)), configurations(case)
+    factor, states = cloth_per_network(case), configurations(case)
     return Configuration(states.positions / factor, states.lengths / factor)
+
+
+def cloth_per_network(case: xr.Dataset) -> float:
+    """Millimetres of cloth per millimetre of the network, 1 where the gauge says nothing."""
+    return float(case.attrs.get(LENGTH_FACTOR, 1.0))

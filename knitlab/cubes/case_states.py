@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cubes.case_file import LENGTH_FACTOR, length_unit, network_configurations
+from knitlab.cubes.case_file import length_unit, network_configurations
 from knitlab.cubes.chosen_case import has_shape
 from knitlab.cubes.selection import chosen_indices
 from knitlab.io.progress import each
@@ -62,8 +62,3 @@ def dataset_of_states(
         about = {"units": unit, "long_name": meaning}
         found[name] = (STRAIN, *dims), np.asarray(values[name]), about
     return found
-
-
-def cloth_per_network(case_file: xr.Dataset) -> float:
-    """Millimetres of cloth per millimetre of the network, 1 where the gauge says nothing."""
-    return float(case_file.attrs.get(LENGTH_FACTOR, 1.0))

@@ -85,8 +85,7 @@ def root_of_covariance(cube: xr.Dataset, stripes: Stripes) -> tuple[xr.DataArray
         for half, uncertain in enumerate(stripes.pair(n) if ok.any() else ()):
             knit = uncertain.stripe.knit
             _check_same(designs, ok, uncertain.stripe)
-            variances, directions = np.linalg.eigh(uncertain.covariance)
-            of_stripe = directions * np.sqrt(np.maximum(variances, 0))
+            of_stripe = matrix_root(uncertain.covariance)
             columns = slice(half * len(NUMBERS), (half + 1) * len(NUMBERS))
             freedom[row, columns] = uncertain.degrees_of_freedom
             for number, of_number in zip(NUMBERS, of_stripe, strict=True):
@@ -96,6 +95,14 @@ def root_of_covariance(cube: xr.Dataset, stripes: Stripes) -> tuple[xr.DataArray
     sized = {"n_stripe": sizes}
     of_deviates = xr.DataArray(freedom, sized, ("n_stripe", DEVIATE))
     return xr.DataArray(root, sized | {PARAMETER: names}, dims), of_deviates
+
+
+def matrix_root(
+    covariance: Float[np.ndarray, "number number"],
+) -> Float[np.ndarray, "number number"]:
+    """L with L Lᵀ = Σ, also of a singular Σ."""
+    variances, directions = np.linalg.eigh(covariance)
+    return directions * np.sqrt(np.maximum(variances, 0))
 
 
 def _check_same(designs: xr.Dataset, ok: xr.DataArray, stripe: "Stripe") -> None:

@@ -84,22 +84,17 @@ class FinishedTest:
         return replace(configuration, positions=np.where(there, configuration.positions, np.nan))
 
     @cached_property
-    def _corners(self) -> tuple[ReferenceGrid, CornerGrid]:
+    def corners(self) -> tuple[ReferenceGrid, CornerGrid]:
         """Corners of the unit cells, relaxed and in the states that were reached [mm]."""
         states = [self.relaxed, *map(self._of_fabric, self.reached)]
         stacked = Configuration.stacked(states)
         corners = unit_cell_corners(self.case.mesh_shape, self.case.cell_grid, stacked)
         return corners[0], corners[1:]
 
-    @property
-    def relaxed_corners(self) -> ReferenceGrid:
-        """Corners of the unit cells of the relaxed shape [mm]."""
-        return self._corners[0]
-
     @cached_property
     def gradient(self) -> CellTensor:
         """Deformation gradient of every unit cell, from its relaxed shape [1]."""
-        at_rest, corners = self._corners
+        at_rest, corners = self.corners
         return deformation_gradient(lattice_vectors(at_rest), lattice_vectors(corners))
 
     @cached_property
@@ -108,7 +103,7 @@ class FinishedTest:
 
         That across the pull is missing if every corner of a unit cell is held: it is round-off.
         """
-        strain_xx, strain_yy = local_strain(*self._corners)
+        strain_xx, strain_yy = local_strain(*self.corners)
         if self.case.all_corners_held:
             if self.case.load.axis == X:
                 strain_yy = strain_yy * np.nan

@@ -1,6 +1,7 @@
 """Sensitivities of a test to the stripe parameters, and its quantities as pure JAX."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import lru_cache
 
 import jax
@@ -104,17 +105,13 @@ def sensitivities(
     measure = measured_by(case.mesh_shape, case.cell_grid, QUANTITIES)
     values = np.full((len(QUANTITIES), len(reached), len(STRIPE_PARAMETERS)), np.nan)
     relaxed, *strained = reached
-    try:
+    with suppress(NoDerivative):
         adjoint = adjoint_of(case, relaxed.configuration)
-    except NoDerivative:
-        strained = []
-    for number, state in enumerate(strained, start=1):
-        strain = case.applied_strain[number]
-        try:
-            derivatives = adjoint.strained_derivatives(strain, state.configuration, measure)
-        except NoDerivative:
-            continue
-        values[:, number] = logarithmic(derivatives, case.stripe_pair)
+        for number, state in enumerate(strained, start=1):
+            strain = case.applied_strain[number]
+            with suppress(NoDerivative):
+                derivatives = adjoint.strained_derivatives(strain, state.configuration, measure)
+                values[:, number] = logarithmic(derivatives, case.stripe_pair)
     if case.all_corners_held:
         values[QUANTITIES.index("poisson_ratio")] = np.nan
     return {f"{name}_sensitivity": each for name, each in zip(QUANTITIES, values, strict=True)}

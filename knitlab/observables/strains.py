@@ -83,5 +83,5 @@ def relaxed_cell(test: "FinishedTest") -> dict[str, Any]:
     """Mean sides of the central unit cells of the relaxed fabric."""
     from knitlab.observables.unit_cells import mean_cell_size
 
-    width, height = mean_cell_size(test.relaxed_corners)
+    width, height = mean_cell_size(test.corners[0])
     return {"relaxed_cell_x": float(width), "relaxed_cell_y": float(height)}

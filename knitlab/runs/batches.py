@@ -70,7 +70,8 @@ def batched(cases: Mapping[str, Case]) -> tuple[Batch, ...]:
         # Mass and damping are numbers of each fabric in a batch.
         dynamics = case.dynamics and replace(case.dynamics, damping_ratio=0.0, surface_density=1.0)
         options = case.options.fold_angle, case.options.contact
-        key = case.mesh_shape, options, case.spring_kinds, dynamics
+        kinds = tuple(stripe.spring_kind for stripe in case.stripes)
+        key = case.mesh_shape, options, kinds, dynamics
         alike[key].append(case_id)
     batches = []
     for (shape, *_), members in alike.items():

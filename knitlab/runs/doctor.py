@@ -82,7 +82,7 @@ def _findings(results: Path, simulate: bool) -> Iterator[Finding]:
     yield from _libraries()
     yield _limits()
     yield _jax()
-    yield _folder("results", results)
+    yield _folder(results)
     yield _compiled_programs()
     names = [name for name in sorted(os.environ) if name.startswith(VARIABLES)]
     variables = " ".join(f"{name}={os.environ[name]}" for name in names)
@@ -145,12 +145,12 @@ def _jax() -> Finding:
     return Finding("JAX", text, wrong)
 
 
-def _folder(name: str, folder: Path) -> Finding:
+def _folder(folder: Path) -> Finding:
     existing = next(each for each in (folder.resolve(), *folder.resolve().parents) if each.exists())
     if not (existing.is_dir() and os.access(existing, os.W_OK)):
-        return Finding(name, f"{folder.resolve()}", "cannot be written; choose another folder")
+        return Finding("results", f"{folder.resolve()}", "cannot be written; choose another folder")
     free = shutil.disk_usage(existing).free / 1e9
-    return Finding(name, f"{folder.resolve()} can be written, {free:.1f} GB free")
+    return Finding("results", f"{folder.resolve()} can be written, {free:.1f} GB free")
 
 
 def _compiled_programs() -> Finding:

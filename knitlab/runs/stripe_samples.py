@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 from scipy.stats import norm, qmc
 
 from knitlab.cubes.probability import chi_scale
+from knitlab.cubes.uncertainty import matrix_root
 from knitlab.io.errors import invalid
 from knitlab.io.toml import read_toml, write_toml
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit
@@ -46,14 +47,6 @@ def saltelli(count: int, numbers: int, seed: int) -> Float[np.ndarray, "sample n
     a, b = both[:, :numbers], both[:, numbers:]
     exchanged = [np.where(np.arange(numbers) == column, b, a) for column in range(numbers)]
     return np.concatenate([a, b, *exchanged])
-
-
-def matrix_root(
-    covariance: Float[np.ndarray, "number number"],
-) -> Float[np.ndarray, "number number"]:
-    """L with L Lᵀ = Σ, also of a singular Σ."""
-    variances, directions = np.linalg.eigh(covariance)
-    return directions * np.sqrt(np.maximum(variances, 0))
 
 
 def sampled_numbers(
@@ -95,8 +88,8 @@ def write_samples(
     seed: int,
     sobol: bool,
     subject: str | None,
-) -> int:
-    """Write a workflow that samples a material; returns the number of samples."""
+) -> None:
+    """Write a workflow that samples a material."""
     if count < 2 or (sobol and count & (count - 1)):
         needed = "a power of 2, for Sobol indices" if sobol else "at least 2"
         raise invalid(f"samples {count}", f"is not {needed}; give {needed}")
@@ -124,4 +117,3 @@ def write_samples(
     table |= {"title": title, "figures": []}
     table[PAIRED] = numbers
     write_toml(output, table)
-    return len(next(iter(numbers.values())))

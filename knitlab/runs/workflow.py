@@ -335,6 +335,12 @@ class Setting:
         """Whether its value is a list."""
         return any(get_origin(kind) is tuple for kind in with_inner(self.kind))
 
+    @property
+    def can_vary(self) -> bool:
+        """Whether it may take several values in one run."""
+        able = self.section in SWEPT_SECTIONS and self.name not in OF_ALL_CASES
+        return (able or self.name in SWEPT_PROTOCOL) and not self.takes_list
+
     def is_swept_by(self, value: Any) -> bool:
         """Whether a value of a workflow file is a list of several values."""
         if not isinstance(value, list) or not value:
@@ -344,9 +350,7 @@ class Setting:
         if self.name == PATTERN:
             names = (isinstance(one, str) and is_pattern_name(one) for one in value)
             return len(value) > 1 and all(names)
-        swept = self.section in SWEPT_SECTIONS and self.name not in OF_ALL_CASES
-        swept = swept or self.name in SWEPT_PROTOCOL
-        return swept and not self.takes_list
+        return self.can_vary
 
 
 SETTINGS = {

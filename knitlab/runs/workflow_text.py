@@ -15,16 +15,7 @@ from knitlab.model.electrodes import ElectrodeLayout
 from knitlab.observables.observable import Variable
 from knitlab.observables.schema import SAMPLE
 from knitlab.runs.declared_fields import declared
-from knitlab.runs.workflow import (
-    OF_ALL_CASES,
-    PATTERN,
-    SAMPLE_SIZE,
-    SECTIONS,
-    SETTINGS,
-    SWEPT_PROTOCOL,
-    SWEPT_SECTIONS,
-    Workflow,
-)
+from knitlab.runs.workflow import PATTERN, SAMPLE_SIZE, SECTIONS, SETTINGS, Workflow
 from knitlab.runs.workflow_file import Overrides, read_overrides
 from knitlab.solvers.case import Label
 
@@ -186,12 +177,7 @@ def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
 def _refused_pairs(path: Path, pairs: dict[str, Any], table: dict[str, Any]) -> list[Mistake]:
     """What is wrong with the lists of ``[paired]``, beside a table without them."""
     mistakes = list[Mistake]()
-    able = [
-        name
-        for name, each in SETTINGS.items()
-        if each.section in SWEPT_SECTIONS or name in SWEPT_PROTOCOL
-    ]
-    able = [name for name in able if name not in OF_ALL_CASES and not SETTINGS[name].takes_list]
+    able = [name for name, each in SETTINGS.items() if each.can_vary]
     lengths = {len(each) if isinstance(each, list) else 0 for each in pairs.values()}
     for name in pairs:
         where = f"{path}: {PAIRED}.{name}"

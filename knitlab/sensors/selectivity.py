@@ -15,12 +15,8 @@ import pandas as pd
 import xarray as xr
 from jaxtyping import Float
 
-from knitlab.cubes.case_states import (
-    Described,
-    cloth_per_network,
-    dataset_of_states,
-    stored_states,
-)
+from knitlab.cubes.case_file import cloth_per_network
+from knitlab.cubes.case_states import Described, dataset_of_states, stored_states
 from knitlab.io.errors import invalid
 from knitlab.model.electrodes import Capacitor
 from knitlab.model.fabric import Configuration

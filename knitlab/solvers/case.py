@@ -17,7 +17,7 @@ from knitlab.model.network import MeshShape, Network, Spans, mesh_shape
 from knitlab.model.pattern import CELLS_PER_PERIOD, Grading, PatchGrid, SingleFold, graded_pattern
 from knitlab.model.settings import NO_FRICTION, Friction, ModelOptions, PlainKnit, Sheet
 from knitlab.model.stitches import Stitches
-from knitlab.model.stripe import SpringKinds, Stripe
+from knitlab.model.stripe import Stripe
 from knitlab.solvers.dynamics.settings import Dynamics
 from knitlab.solvers.equilibrium.settings import Solver
 from knitlab.solvers.loads import WARP, load_of
@@ -284,11 +284,6 @@ class Case:
             unused = {name: getattr(Sheet, name) for name in OF_CONTACT}
             case = replace(case, sheet=replace(self.sheet, **unused))
         return case
-
-    @property
-    def spring_kinds(self) -> tuple[SpringKinds, ...]:
-        """The kinds of springs of its stripes; cases that share them can be one batch."""
-        return tuple(stripe.spring_kind for stripe in self.stripes)
 
     @property
     def layout(self) -> "FabricLayout":

@@ -12,6 +12,7 @@ from scipy.optimize import minimize, root
 
 from knitlab.model.zigzag import Zigzag, chain_energy, relaxed_chain
 
+MAX_RESIDUAL = 1e-12  # force on a free node in equilibrium [N]
 GRADIENT_ROUND_OFF = 1e-8  # force below which round-off hides the energy change of a step [N]
 
 
@@ -26,13 +27,11 @@ class ChainState:
     converged: bool
 
 
-def pull_chain(
-    chain: Zigzag, periods: int, applied_strain: Sequence[float], tolerance: float = 1e-12
-) -> list[ChainState]:
+def pull_chain(chain: Zigzag, periods: int, applied_strain: Sequence[float]) -> list[ChainState]:
     """Stretch a zigzag of several periods: the leftmost node is fixed, the rightmost displaced.
 
     The energy is minimised at every strain over the relaxed length; a root finder then reduces the
-    largest force on a free node to ``tolerance`` [N], which comparing energies cannot.
+    largest force on a free node to :data:`MAX_RESIDUAL`, which comparing energies cannot.
     """
     nodes = np.asarray(relaxed_chain(chain, periods))
     length = nodes[-1, 0]
@@ -56,7 +55,7 @@ def pull_chain(
         force = float(on_nodes(chain, nodes)[-1, 0])
         residual = float(np.abs(polished.fun).max())
         iterations = int(rough.nit + polished.nfev)
-        states.append(ChainState(nodes, force, residual, iterations, residual <= tolerance))
+        states.append(ChainState(nodes, force, residual, iterations, residual <= MAX_RESIDUAL))
     return states
 
 

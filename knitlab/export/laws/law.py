@@ -116,7 +116,7 @@ class Law:
         rows = []
         for number, test in enumerate(self.tests):
             others = [*self.tests[:number], *self.tests[number + 1 :]]
-            without = fitted(others, self.mirrored, self.stiffness_at_rest)
+            without = fitted(others, self.mirrored, _stiffness_at_rest(self.plate))
             row: dict[str, Any] = {"test": test.label}
             for name, law in (("", self.ridges), ("_left_out", without)):
                 row[f"force_error{name}"], row[f"ratio_error{name}"] = errors_of(law, test)
@@ -124,12 +124,6 @@ class Law:
             row["between"] = bool(enclosed.mean() > MOST)
             rows.append(row)
         return pd.DataFrame(rows)
-
-    @property
-    def stiffness_at_rest(self) -> Float[np.ndarray, "3 3"] | None:
-        """The stiffness by the plate, if layers do not touch at rest [N/mm]."""
-        at_rest = self.plate is not None and self.plate.applied_strain == 0
-        return self.plate.membrane if at_rest and self.plate else None
 
     def write(self, path: str | Path) -> Path:
         """Write it as ``.py``, functions without knitlab, or ``.csv``, stress over strains."""
@@ -149,8 +143,7 @@ def law_of(cube: xr.Dataset, rows: xr.Dataset) -> Law:
     # Angles beyond 90° are simulated where the fabric is not its own mirror image.
     mirrored = all(test.angle <= 90 for test in tests)
     plate = _plate(cube, rows)
-    at_rest = plate.membrane if plate is not None and plate.applied_strain == 0 else None
-    ridges = fitted(tests, mirrored, at_rest)
+    ridges = fitted(tests, mirrored, _stiffness_at_rest(plate))
     return Law(ridges, tuple(tests), mirrored, model_line(cube), plate)
 
 
@@ -167,6 +160,11 @@ def _plate(cube: xr.Dataset, rows: xr.Dataset) -> Plate | None:
     state = plates.isel({STRAIN: ok[0]})
     matrices = (state[name].values for name in ("membrane_stiffness", "bending_stiffness"))
     return Plate(float(state[STRAIN]), *matrices)
+
+
+def _stiffness_at_rest(plate: Plate | None) -> Float[np.ndarray, "3 3"] | None:
+    """The membrane stiffness, if layers do not touch at rest [N/mm]."""
+    return plate.membrane if plate is not None and plate.applied_strain == 0 else None
 
 
 def _strains(tests: Sequence[StrainTest], mirrored: bool) -> Float[np.ndarray, "state 3"]:

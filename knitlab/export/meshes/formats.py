@@ -71,11 +71,6 @@ def mesh_format(suffix: str, **properties: Any) -> Callable[[Writer], Writer]:
     return register
 
 
-def write_meshes(shapes: Shapes, path: Path) -> list[Path]:
-    """Write meshes in the format of a suffix, and return the files; CannotWrite if that fails."""
-    return FORMATS[path.suffix.lower()].write(shapes, path)
-
-
 def node_colours(mesh: SurfaceMesh) -> UInt8[np.ndarray, "node 3"]:
     """Mean colour of the faces around a node [sRGB], by their electrode or, without one, knit."""
     colours = np.array(KNIT_COLOURS, float)[mesh.face_fields[KNIT]]
@@ -179,7 +174,7 @@ def _write_series(shapes: Shapes, path: Path) -> list[Path]:
     for mesh, strain in zip(shapes.meshes, shapes.strains, strict=True):
         time = f"{strain:.9g}"
         file = path.with_suffix("") / f"strain_{time}.vtu"
-        files += write_meshes(Shapes([mesh], [strain]), file)
+        files += FORMATS[".vtu"].write(Shapes([mesh], [strain]), file)
         name = file.relative_to(path.parent).as_posix()
         ElementTree.SubElement(collection, "DataSet", timestep=time, part="0", file=name)
     ElementTree.indent(root)

@@ -20,7 +20,6 @@ from knitlab.model.pattern import Grading
 from knitlab.model.settings import PlainKnit
 from knitlab.model.stitches import Gauge
 from knitlab.solvers.case import Case
-from knitlab.solvers.equilibrium.settings import Solver
 
 Border = Literal["whole", "plain", "cut"]
 MIN_CELLS = 2  # grid cells of a row
@@ -102,10 +101,9 @@ class Fabric:
         return self.case.periods * self.case.options.cells_per_period
 
     def in_equilibrium(self, **changes: Any) -> Case:
-        """The design with changes, in equilibrium, without electrodes or perturbed copies."""
-        solver = self.case.solver or Solver()
+        """The design with changes, without electrodes or perturbed copies."""
         left_out = {"sensitivities": False, "unloading": False, "robustness": 0, "capacitor": None}
-        changed = {"method": "equilibrium", "solver": solver, **left_out, **changes}
+        changed: dict[str, Any] = {**left_out, **changes}
         return replace(self.case, **changed).without_unused()
 
     def view(self, case: Case, positions: Float[np.ndarray, "node_y node_x 3"]) -> "PlanView":
@@ -211,7 +209,7 @@ class Fabric:
             spans=spans,
             applied_strain=(0.0, strain) if strain else (0.0,),
             options=replace(case.options, boundary="clamped"),
-            solver=replace(case.solver or Solver(), start="flat"),
+            solver=replace(case.equilibrium_solver, start="flat"),
             plain=self.plain if "P" in knit else None,
         )
 

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cubes.case_states import Described, cloth_per_network, dataset_of_states, stored_states
+from knitlab.cubes.case_file import cloth_per_network
+from knitlab.cubes.case_states import Described, dataset_of_states, stored_states
 from knitlab.cubes.chosen_case import for_each_design
 from knitlab.cubes.cube_file import cube_name, is_case, is_measured, model_options
 from knitlab.cubes.recorded_case import recorded_case

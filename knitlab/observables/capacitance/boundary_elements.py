@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int
 from scipy.spatial import cKDTree
 from scipy.special import zeta
 
-import knitlab.model  # noqa: F401  (float64)
+from knitlab.solvers.dynamics.vectors import Vector, cross, dot, norm, scale, subtract
 
 VACUUM_PERMITTIVITY = 8.8541878128e-3  # ε0 [pF/mm] (CODATA 2018)
 
@@ -32,8 +32,6 @@ IMAGES_AN_EXTENT = 3  # distance of multipole images, over the width of conducto
 SMALLEST = 1e-300  # keeps quotients finite where their factor is zero
 
 Matrix = Float[Array, "panel panel"]
-Vector = list[Array]
-"""Three components, each for all points: XLA compiles fast loops over long last axes."""
 
 
 class Images(eqx.Module):
@@ -273,17 +271,17 @@ def triangle_potential(
     area gives 0. Triangles are given by corner and component. With ``added_squared`` c², r counts
     as √(r² + c²), and the height d likewise [mm²].
     """
-    ends = [[corner[axis] - at[axis] for axis in range(3)] for corner in corners]
-    edges = [[b - a for a, b in zip(ends[k], ends[(k + 1) % 3], strict=True)] for k in range(3)]
-    normal = _unit(_cross(edges[0], edges[1]))
-    distance = [jnp.sqrt(_dot(end, end) + added_squared) for end in ends]
-    height = jnp.sqrt(_dot(ends[0], normal) ** 2 + added_squared)
+    ends = [(corner[0] - at[0], corner[1] - at[1], corner[2] - at[2]) for corner in corners]
+    edges = [subtract(ends[(k + 1) % 3], ends[k]) for k in range(3)]
+    normal = _unit(cross(edges[0], edges[1]))
+    distance = [jnp.sqrt(dot(end, end) + added_squared) for end in ends]
+    height = jnp.sqrt(dot(ends[0], normal) ** 2 + added_squared)
     total = jnp.zeros_like(height)
     for first, second in ((0, 1), (1, 2), (2, 0)):
         along = _unit(edges[first])
-        ahead = _dot(ends[second], along)
-        behind = _dot(ends[first], along)
-        outwards = _dot(ends[first], _cross(along, normal))
+        ahead = dot(ends[second], along)
+        behind = dot(ends[first], along)
+        outwards = dot(ends[first], cross(along, normal))
         from_edge = outwards**2 + height**2
         # Of two equivalent forms, the one without cancellation.
         forwards = ahead + behind > 0
@@ -300,16 +298,5 @@ def triangle_potential(
     return total
 
 
-def _dot(one: Vector, other: Vector) -> Array:
-    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
-
-
-def _cross(one: Vector, other: Vector) -> Vector:
-    (a, b, c) = one
-    (x, y, z) = other
-    return [b * z - c * y, c * x - a * z, a * y - b * x]
-
-
 def _unit(vector: Vector) -> Vector:
-    inverse = 1 / jnp.maximum(jnp.sqrt(_dot(vector, vector)), SMALLEST)
-    return [component * inverse for component in vector]
+    return scale(1 / jnp.maximum(norm(vector), SMALLEST), vector)

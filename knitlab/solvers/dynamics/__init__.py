@@ -6,5 +6,3 @@ step in time) and ``grid.py`` (forces by slices of a grid). Of contact, ``contac
 which pairs act, ``contact_potential.py`` is their energy, and ``contact_forces.py`` has their
 forces in a step. Nothing here knows files, xarray or designs.
 """
-
-import knitlab.model  # noqa: F401  # so that JAX is in float64 here too

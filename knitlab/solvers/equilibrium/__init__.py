@@ -6,5 +6,3 @@ states with residual, status and number of iterations; for a test, one a strain.
 path of them) and ``tensile_test.py`` (``relax``, ``stretch``). ``adjoint.py`` has derivatives of
 results. Nothing here knows files, xarray or designs.
 """
-
-import knitlab.model  # noqa: F401  # so that JAX is in float64 here too

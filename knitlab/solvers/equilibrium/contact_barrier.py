@@ -204,6 +204,7 @@ class PairSearch:
     def __init__(self, mesh: ContactMesh, near: bool, layer: ContactLayer, cell: float) -> None:
         self.mesh = mesh
         self.layer = layer
+        self.potential = ipctk.BarrierPotential(layer.reach, layer.strength, False)
         meshes = (mesh, mesh.images)
         self._meshes = [(each, each.parts(near)) for each in meshes if each is not None]
         self._margin = 2 * MARGIN * cell
@@ -281,10 +282,9 @@ class Barrier:
         energy = 0.0
         gradient = np.zeros(len(unknowns))
         for search in self._searches(unknowns):
-            potential = self._potential(search)
             for sign, mesh, touching in search.touching(unknowns):
-                energy += sign * potential(*touching)
-                gradient += sign * (mesh.from_unknowns.T @ potential.gradient(*touching))
+                energy += sign * search.potential(*touching)
+                gradient += sign * (mesh.from_unknowns.T @ search.potential.gradient(*touching))
         return energy, gradient
 
     def added(self, evaluation: Evaluation, unknowns: Unknowns) -> Evaluation:
@@ -303,10 +303,9 @@ class Barrier:
         projection = kind.NONE if exact else kind.CLAMP
         terms = []
         for search in self._searches(unknowns):
-            potential = self._potential(search)
             for sign, mesh, touching in search.touching(unknowns):
                 of_free = mesh.from_unknowns[:, free]
-                by_vertex = sign * potential.hessian(*touching, projection)
+                by_vertex = sign * search.potential.hessian(*touching, projection)
                 terms.append(of_free.T @ sp.csr_array(by_vertex) @ of_free)
         return sp.csc_array(sum(terms[1:], terms[0])) if terms else None
 
@@ -325,6 +324,3 @@ class Barrier:
                     return False
         mesh = self._far.mesh
         return not ipctk.has_intersections(mesh.whole, mesh.vertices(unknowns))
-
-    def _potential(self, search: PairSearch) -> ipctk.BarrierPotential:
-        return ipctk.BarrierPotential(search.layer.reach, search.layer.strength, False)

@@ -39,6 +39,7 @@ from knitlab.solvers.equilibrium.subdomains import (
 )
 from knitlab.solvers.equilibrium.system import KeptFactors, System, one_thread_of_blas
 
+ACCEPTED_FORCE = 0.01  # of the largest on a subdomain: most subdomains then need no work
 Coupled = Bool[np.ndarray, "subdomain subdomain"]
 SentSubdomain = tuple[MeshShape, Int[np.ndarray, " free"], Fabric]
 """Mesh shape of a subdomain, indices of its free unknowns, and its springs, folds and walls."""
@@ -65,18 +66,11 @@ class SubdomainSolver:
         self._decompositions: dict[FreeStiffness, tuple[list[_LocalProblem], Coupled]] = {}
 
     def solve(
-        self,
-        system: System,
-        at: Point,
-        free: FreeStiffness,
-        settings: Solver,
-        force_fraction: float = 0.01,
+        self, system: System, at: Point, free: FreeStiffness, settings: Solver
     ) -> tuple[Point, float]:
         """Solve the subdomains to low accuracy, those with the largest forces first.
 
-        A fraction ``force_fraction`` of the largest force is accepted: most subdomains need no
-        work. Returns the state of the sample, and the iterations weighted by each subdomain's
-        unknowns.
+        Returns the state of the sample, and the iterations weighted by each subdomain's unknowns.
         """
         problems, coupled = self._decomposition(free)
         unknowns = at.unknowns.copy()
@@ -84,7 +78,7 @@ class SubdomainSolver:
         gradient = np.asarray(system.evaluate(at).gradient)
         forces = np.array([problem.subdomain.force(gradient) for problem in problems])
         # Forces above 1e-6 N would cost more iterations of the whole.
-        accepted = max(settings.tolerance, 1e-6, force_fraction * float(forces.max()))
+        accepted = max(settings.tolerance, 1e-6, ACCEPTED_FORCE * float(forces.max()))
         settings = replace(settings, tolerance=accepted, max_iterations=300)
 
         def solved(number: int) -> State:

@@ -27,7 +27,7 @@ def stretched(
     cases: "Sequence[Case]", progress: Progress, imperfection: int | None = None
 ) -> list[TensileTest]:
     """Tests of the cases; from flat sheets, or from imperfect ones, by this seed."""
-    starts = tilings(cases, _sheets(cases, imperfection), imperfection)
+    starts = tilings(cases, imperfection)
     moved: Sequence[Relaxed | None] = [None] * len(cases)
     if cases[0].relaxes_by_dynamics:
         from knitlab.solvers.dynamics.method import moved_sheets  # few cases need the dynamics
@@ -63,9 +63,9 @@ def _sheets(cases: "Sequence[Case]", imperfection: int | None) -> Starts:
     return [imperfect_sheet(*case.assemble(), imperfection) for case in cases]
 
 
-def tilings(cases: "Sequence[Case]", sheets: Starts, imperfection: int | None = None) -> Starts:
+def tilings(cases: "Sequence[Case]", imperfection: int | None = None) -> Starts:
     """Sheets; of samples that start as a tiling of relaxed periodic fabric, that tiling [mm]."""
-    starts = [*sheets]
+    starts = [*_sheets(cases, imperfection)]
     numbers = [
         number
         for number, case in enumerate(cases)

@@ -16,8 +16,3 @@ class BiaxialWeft(Biaxial):
 
     kind: str = "biaxial_weft"
     axis: ClassVar[int] = X
-
-    @property
-    def angle_of_pull(self) -> float:
-        """Angle from the courses to the direction that is pulled [degree]."""
-        return 0.0

@@ -65,7 +65,7 @@ class Load:
     @property
     def angle_of_pull(self) -> float:
         """Angle from the courses to the direction that is pulled [degree]."""
-        return 90.0
+        return 0.0 if self.axis == X else 90.0
 
     def clamped_nodes(self, shape: MeshShape) -> Bool[np.ndarray, "node_y node_x"]:
         """Nodes of a sample that clamps hold: its two ends along the axis."""

@@ -13,8 +13,3 @@ class Weft(Load):
     kind: str = "weft"
     axis: ClassVar[int] = X
     prescribed: ClassVar[tuple[int, ...]] = (X,)
-
-    @property
-    def angle_of_pull(self) -> float:
-        """Angle from the courses to the direction that is pulled [degree]."""
-        return 0.0

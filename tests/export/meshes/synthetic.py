@@ -12,6 +12,7 @@ import xarray as xr
 from hypothesis import strategies as st
 
 from knitlab.cubes.case_file import read_case
+from knitlab.export.meshes.formats import FORMATS
 from knitlab.model.cell_grid import CellGrid
 from knitlab.model.fabric import flat_sheet
 from knitlab.solvers.case import Case, case_of
@@ -22,6 +23,11 @@ PREVIEW = Path(__file__).parents[3] / "results" / "reference" / "periodic"
 
 
 VTK_TYPES = {"Float64": "<f8", "Int64": "<i8", "UInt8": "u1", "Int32": "<i4", "Float32": "<f4"}
+
+
+def write_meshes(shapes, path):
+    """Files of shapes in the format of a suffix."""
+    return FORMATS[path.suffix].write(shapes, path)
 
 
 def vtu_arrays(path: Path) -> dict[tuple[str, str], np.ndarray]:

@@ -8,9 +8,9 @@ import trimesh
 
 import knitlab as kl
 from knitlab.export.meshes.fabric import fabric_meshes
-from knitlab.export.meshes.formats import Shapes, write_meshes
+from knitlab.export.meshes.formats import Shapes
 from knitlab.export.meshes.surface import grid_surface, solid_of
-from tests.export.meshes.synthetic import PREVIEW, kept_file, zigzag
+from tests.export.meshes.synthetic import PREVIEW, kept_file, write_meshes, zigzag
 
 ONE = {"n_stripe": 4, "n_subunit": 16}
 PROPERTIES = {

@@ -15,11 +15,10 @@ from knitlab.export.meshes.formats import (
     Shapes,
     linear,
     node_colours,
-    write_meshes,
 )
 from knitlab.export.meshes.surface import solid_of
 from knitlab.io.errors import CannotWrite
-from tests.export.meshes.synthetic import kept_file, vtu_arrays
+from tests.export.meshes.synthetic import kept_file, vtu_arrays, write_meshes
 
 
 @pytest.fixture(scope="module")

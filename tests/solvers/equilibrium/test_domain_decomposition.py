@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from knitlab.model.energy import COMPLETE, Energy, Evaluation, Point
 from knitlab.model.threads import ALONE, Threads
 from knitlab.solvers.element_chunks import ChunkedFabric
-from knitlab.solvers.equilibrium import equilibrium, subdomains
+from knitlab.solvers.equilibrium import domain_decomposition, equilibrium, subdomains
 from knitlab.solvers.equilibrium.domain_decomposition import SubdomainSolver
 from knitlab.solvers.equilibrium.equilibrium import ROUNDS, SubdomainRounds, find_equilibrium
 from knitlab.solvers.equilibrium.search import Search, SearchRules, minimise
@@ -41,8 +41,8 @@ def whole_equilibrium(sample, start, rules) -> State:
     return search.state(minimise(search))
 
 
-def solved_by_subdomains(system, *args, **options):
-    return SubdomainSolver(system).solve(system, *args, **options)
+def solved_by_subdomains(system, *args):
+    return SubdomainSolver(system).solve(system, *args)
 
 
 @pytest.mark.slow
@@ -103,26 +103,28 @@ def test_two_threads_give_the_subdomain_solutions_of_one(small_subdomains, sampl
     # Even smaller subdomains, of which some are not coupled.
     monkeypatch.setattr(subdomains, "CELLS", 4)
     monkeypatch.setattr(subdomains, "OVERLAP", 1)
+    monkeypatch.setattr(domain_decomposition, "ACCEPTED_FORCE", 0.0)
     free = free_stiffness(net.shape, loading.free)
     start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
     found = list(grid_subdomains(free))
     assert not couplings(found, net.shape.unknowns).all()
     alone, shared = (
-        solved_by_subdomains(
-            System(net.shape, fabric, threads), start, free, DEFAULT, force_fraction=0.0
-        )
+        solved_by_subdomains(System(net.shape, fabric, threads), start, free, DEFAULT)
         for threads in (ALONE, Threads(2))
     )
     np.testing.assert_array_equal(shared[0].unknowns, alone[0].unknowns)
     assert shared[1] == alone[1] > 0
 
 
-def test_subdomain_solutions_lower_the_energy_and_their_cost_is_counted(small_subdomains, sample):
+def test_subdomain_solutions_lower_the_energy_and_their_cost_is_counted(
+    small_subdomains, sample, monkeypatch
+):
+    monkeypatch.setattr(domain_decomposition, "ACCEPTED_FORCE", 0.0)
     net, fabric, loading = sample
     free = free_stiffness(net.shape, loading.free)
     system = equations(net, fabric)
     start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
-    solved, share = solved_by_subdomains(system, start, free, DEFAULT, force_fraction=0.0)
+    solved, share = solved_by_subdomains(system, start, free, DEFAULT)
     energies = [float(system.evaluate(at).energy.total) for at in (start, solved)]
     assert energies[1] < energies[0]
     assert share > 0
