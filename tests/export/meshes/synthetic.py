@@ -27,7 +27,7 @@ VTK_TYPES = {"Float64": "<f8", "Int64": "<i8", "UInt8": "u1", "Int32": "<i4", "F
 
 def write_meshes(shapes, path):
     """Files of shapes in the format of a suffix."""
-    return FORMATS[path.suffix].write(shapes, path)
+    return FORMATS[path.suffix.lower()].write(shapes, path)
 
 
 def vtu_arrays(path: Path) -> dict[tuple[str, str], np.ndarray]:
