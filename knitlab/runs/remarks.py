@@ -63,8 +63,8 @@ def unusual_values(settings: CaseSettings, cases: Iterable[Case]) -> tuple[str, 
                     sentences.append(f"{subject} is {value:.4g} {unit}; {usual}")
     protocol = workflow.protocol
     used = {setting for case in cases for setting in case.load.settings}
-    for setting in {each for load in LOADS.values() for each in load.settings} - used:
-        if getattr(protocol, setting.name) is not None:
+    for setting in dict.fromkeys(each for load in LOADS.values() for each in load.settings):
+        if setting not in used and getattr(protocol, setting.name) is not None:
             ignored = f"{setting.name} is ignored by load = {protocol.load}"
             kinds = [kind for kind, load in LOADS.items() if setting in load.settings]
             sentences.append(f"{ignored}; take load = {' or '.join(kinds)}")
