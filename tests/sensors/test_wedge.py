@@ -192,4 +192,6 @@ def test_the_derivative_is_that_of_finite_differences(seed):
 def test_only_two_strips_of_one_width_are_accepted(strips):
     electrodes = Electrodes(strips, "wale")
     assert not side_by_side(electrodes)
+    with pytest.raises(ValueError, match="width"):
+        wedge_capacitance(electrodes, SHAPE, rolled(FLAT))
     assert side_by_side(PAIR)

@@ -121,6 +121,12 @@ def strain_tests(rows: xr.Dataset) -> list[StrainTest]:
     return [test for test in tests if len(test.energy) > 1]
 
 
+def is_strained_across(row: xr.Dataset) -> bool:
+    """Whether the test in one row of a cube prescribes the strain across the pull too."""
+    across = "reaction_force_across"
+    return across in row and bool(np.isfinite(row[across][0]))
+
+
 def _test(row: xr.Dataset) -> StrainTest:
     """The test in one row of a cube, up to the first state that is missing."""
 
@@ -146,7 +152,7 @@ def _test(row: xr.Dataset) -> StrainTest:
     side_across = math.hypot(width * sine, height * cosine)  # on which the pull acts
     side_along = math.hypot(width * cosine, height * sine)
     prescribed: tuple[int, ...]
-    if "reaction_force_across" in row and np.isfinite(row["reaction_force_across"][0]):
+    if is_strained_across(row):
         force[:, A], force[:, B] = across / side_along, along / side_across
         prescribed = (A, B, C)
         ratio = round((stretch[reached, A][-1] - 1) / max(applied[reached][-1], SAME), 6) + 0.0

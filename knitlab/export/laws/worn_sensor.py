@@ -10,6 +10,7 @@ import xarray as xr
 from knitlab.cubes.cube_file import cube_name, design_dims, is_case
 from knitlab.cubes.normalised import require
 from knitlab.cubes.selection import select
+from knitlab.export.laws.strain_tests import is_strained_across
 from knitlab.io.errors import invalid
 from knitlab.observables.schema import STRAIN
 
@@ -20,7 +21,6 @@ SAME_DESIGN = (
     *("garter_period", "garter_k_s", "garter_k_t", "garter_theta_0"),
 )
 """Labels, sizes and stripes by which two cubes have the same design."""
-ACROSS = "reaction_force_across"
 ALONG_WALES = 90.0  # direction of a pull from the courses, if a cube has no other [degree]
 FEWEST = 2  # strains
 TOLERANCE = 1e-3  # of sizes that were simulated twice, relative
@@ -69,7 +69,7 @@ def _is_worn(row: xr.Dataset, length_ratio: float | None) -> bool:
     if float(row.get("load_direction", ALONG_WALES)) != 0:
         return False
     if length_ratio is None:
-        return ACROSS not in row or not np.isfinite(row[ACROSS]).any()
+        return not is_strained_across(row)
     lengths = 1 + row["mean_strain_yy"].values
     return np.allclose(lengths[np.isfinite(lengths)], length_ratio, rtol=0, atol=TOLERANCE)
 

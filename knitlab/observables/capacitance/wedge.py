@@ -41,7 +41,12 @@ def side_by_side(electrodes: Electrodes) -> bool:
 def wedge_capacitance(
     electrodes: Electrodes, shape: MeshShape, configuration: Configuration
 ) -> Float[Array, "*state"]:
-    """Capacitance between two strips :func:`side_by_side` in vacuum, differentiable [pF]."""
+    """Capacitance between two strips in vacuum, by the wedge integral, differentiable [pF].
+
+    Raises ValueError if the electrodes are not two strips :func:`side_by_side`.
+    """
+    if not side_by_side(electrodes):
+        raise ValueError("the wedge integral needs two strips of equal width, side by side")
     axis = electrodes.axis
     across = 1 - electrodes.axis
     left, right = sorted(
