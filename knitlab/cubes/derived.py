@@ -4,6 +4,8 @@ They are the force, stiffness and energy over a side of the cloth, what unloadin
 the fabric passes through itself at its lowest Poisson's ratio, and how many waves were measured.
 """
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 
@@ -45,9 +47,7 @@ def _forces(cube: xr.Dataset) -> Derived:
         if "load_direction" in cube:
             length = cube["knit_cell_y"] * cube["unit_cells_y"]
             angle = np.deg2rad(cube["load_direction"].fillna(90))
-            sine, cosine = np.sin(angle), np.cos(angle)
-            along = ((width * cosine) ** 2 + (length * sine) ** 2) ** 0.5
-            width = ((width * sine) ** 2 + (length * cosine) ** 2) ** 0.5
+            width, along = sides_of_pull(width, length, angle)
             if across is not None:
                 per_length = derived["force_per_width_across"] = across / along
                 ratio = per_length * width / cube["reaction_force"]
@@ -58,6 +58,13 @@ def _forces(cube: xr.Dataset) -> Derived:
         derived["tangent_stiffness"] = force.differentiate(STRAIN)
         derived["stretch_energy"] = _under_one_force(cube, force.cumulative_integrate(STRAIN))
     return derived
+
+
+def sides_of_pull(width: Any, length: Any, angle: Any) -> tuple[Any, Any]:
+    """Sides of cloth across and along a pull at an angle from the courses [rad]."""
+    sine, cosine = np.sin(angle), np.cos(angle)
+    across = np.hypot(width * sine, length * cosine)
+    return across, np.hypot(width * cosine, length * sine)
 
 
 def _after_unloading(cube: xr.Dataset, stretch_energy: xr.DataArray | None) -> Derived:

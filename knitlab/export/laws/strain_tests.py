@@ -18,6 +18,7 @@ from jaxtyping import Float
 
 from knitlab.cubes.case_file import length_factor
 from knitlab.cubes.cube_file import cube_name, design_dims
+from knitlab.cubes.derived import sides_of_pull
 from knitlab.cubes.normalised import require
 from knitlab.cubes.selection import choices, select
 from knitlab.io.errors import invalid
@@ -148,9 +149,7 @@ def _test(row: xr.Dataset) -> StrainTest:
     stretch = stretch_along(gradient, angle)
     force = np.zeros_like(stretch)
     is_pull = np.abs(stretch[reached, B] - 1 - applied[reached]).max(initial=0) < SAME
-    sine, cosine = axes_at(angle)[:, 0]
-    side_across = math.hypot(width * sine, height * cosine)  # on which the pull acts
-    side_along = math.hypot(width * cosine, height * sine)
+    side_across, side_along = sides_of_pull(width, height, math.radians(angle))
     prescribed: tuple[int, ...]
     if is_strained_across(row):
         force[:, A], force[:, B] = across / side_along, along / side_across
